@@ -51,10 +51,10 @@ def cache(
 
     _, say = open_terminal(quiet, verbose, as_json)
     folder = romdam.cache_folder()
-    found, limit = entries(folder), LIMIT if action is Action.LIST else None
+    kept, limit = entries(folder), LIMIT if action is Action.LIST else None
     if action is Action.CLEAR:
-        found = [entry for entry in found if remove(entry)]
+        kept = [entry for entry in kept if remove(entry)]
     if as_json:
-        print_document("cache", cache_document(found, folder, limit))
+        print_document("cache", cache_document(kept, folder, limit))
         return
-    say(*cache_lines(found, folder, limit))
+    say(*cache_lines(kept, folder, limit))

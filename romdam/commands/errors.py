@@ -67,8 +67,14 @@ def verify(
         made = verify_mesh(job, out, seconds, finer=mesh is Sibling.finer, show=stages)
         say(*mesh_lines(made.statement.document), f"written: {made.path}", f"written: {made.figure}")
         return
-    found = verify_job(romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say)
-    say(*verification_lines(found.statement.document), f"written: {found.path}", f"written: {found.figure}")
+    verified = verify_job(
+        romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say
+    )
+    say(
+        *verification_lines(verified.statement.document),
+        f"written: {verified.path}",
+        f"written: {verified.figure}",
+    )
 
 
 def certify(
@@ -98,12 +104,12 @@ def certify(
 
     stages, say = open_terminal(quiet, verbose, as_json)
     whole = full or passes > 1
-    found = certify_result(result, config, passes if whole else None, stages, say)
+    certified = certify_result(result, config, passes if whole else None, stages, say)
     if as_json:
-        print_document("certify", certificate_document(found, result))
+        print_document("certify", certificate_document(certified, result))
         return
-    statement = found.statement
-    say(certificate_table(statement.document), statement.sentence, f"written: {found.path}")
+    statement = certified.statement
+    say(certificate_table(statement.document), statement.sentence, f"written: {certified.path}")
 
 
 def study(
@@ -120,8 +126,8 @@ def study(
     from romdam.terminal import open_terminal
 
     stages, say = open_terminal(quiet, verbose)
-    found = study_job(romdam.load_config(config), out, reference, stages)
-    say(found.table, *(f"written: {path}" for path in found.paths))
+    studied = study_job(romdam.load_config(config), out, reference, stages)
+    say(studied.table, *(f"written: {path}" for path in studied.paths))
 
 
 def compare(

@@ -56,7 +56,7 @@ def export(
                 raise typer.BadParameter("is for scripts; matrices have no record", param_hint=option)
         paths = export_matrices(job, out, stages, folder_of_blocks(None, False))
     else:
-        made = export_deck(job, out, ExportOptions(to.value, record, dt, duration), stages)
-        say(made.said, *(f"differs: {sentence}" for sentence in made.stated))
-        paths = list(made.paths)
+        exported = export_deck(job, out, ExportOptions(to.value, record, dt, duration), stages)
+        say(exported.said, *(f"differs: {sentence}" for sentence in exported.stated))
+        paths = list(exported.paths)
     say(*(f"written: {path}" for path in paths))

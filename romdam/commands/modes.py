@@ -49,8 +49,8 @@ def modes(
 
     stages, say = open_terminal(quiet, verbose)
     options = ModesOptions(joints.value, count, measured, vtu)
-    found = find_modes(romdam.load_config(config), out, options, stages)
-    say(modes_table(found.dataset))
+    result = find_modes(romdam.load_config(config), out, options, stages)
+    say(modes_table(result.dataset))
     if measured is not None:
-        say(measured_table(found.dataset))
-    say(*(f"written: {path}" for path in found.paths))
+        say(measured_table(result.dataset))
+    say(*(f"written: {path}" for path in result.paths))

@@ -73,9 +73,9 @@ def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal)
 
     search_what_comes()
     stages, say = terminal
-    found = compare(job, out, stages, cache)
-    say(*comparison_tables(found.tables))
-    return [f"{name}: {message}" for name, message in found.failures.items()]
+    compared = compare(job, out, stages, cache)
+    say(*comparison_tables(compared.tables))
+    return [f"{name}: {message}" for name, message in compared.failures.items()]
 
 
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> list[str]:
@@ -119,9 +119,9 @@ def check(
     from romdam.terminal.tables import check_tables
 
     stages, say = open_terminal(quiet, verbose, as_json)
-    found = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))
+    checked = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))
     if as_json:
-        print_document("check", check_document(found, config))
+        print_document("check", check_document(checked, config))
         return
-    say(*check_tables(found), *check_lines(found))
+    say(*check_tables(checked), *check_lines(checked))
     say(f"{config}: is valid")

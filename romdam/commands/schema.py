@@ -31,6 +31,6 @@ def schema(
         typer.echo(text, nl=False)
         return
     prepare_folder(out.parent)
-    with replacing(out) as part:
-        part.write_text(text, encoding="utf-8")
+    with replacing(out) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
     say(f"written: {out}")

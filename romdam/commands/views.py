@@ -178,14 +178,14 @@ def records(
     folder = prepare_folder(plot) if plot else None
     _, say = open_terminal(quiet, verbose, as_json)
     listed = list_records(sources, read_settings(target, select))
-    if listed and all(one.no_source for one in listed):
-        raise RecordError("\n".join(one.error for one in listed))
+    if listed and all(record.no_source for record in listed):
+        raise RecordError("\n".join(record.error for record in listed))
     if as_json:
         print_document("records", as_document(listed))
     else:
         say(format_table(listed))
     if folder:
-        pairs = [(one.motion, one.recorded) for one in listed if one.motion]
+        pairs = [(record.motion, record.recorded) for record in listed if record.motion]
         paths = write_record_plots(pairs, folder)
         for path in (*paths, *write_target_plots([motion for motion, _ in pairs], folder)):
             say(f"written: {path}")

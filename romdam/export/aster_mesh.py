@@ -58,15 +58,15 @@ def mail_text(deck: Deck, groups: Groups) -> str:
     for number, solid in enumerate(deck.solids):
         members = first + np.arange(len(solid.cells))
         for element, rows, cells in kinds_of(solid.element, solid.cells):
-            lines += _cells(element.cell.aster, members[rows], _in_own_order(element, cells))
+            lines += _cells(element.cell.aster, members[rows], _in_aster_order(element, cells))
         lines += _group("GROUP_MA", block_group(number), "M", members)
         first += len(members)
-    for name, own in groups.discrete.items():
-        members = first + np.arange(len(own))
-        lines += [*_cells("POI1", members, own[:, None]), *_group("GROUP_MA", name, "M", members)]
+    for name, nodes in groups.discrete.items():
+        members = first + np.arange(len(nodes))
+        lines += [*_cells("POI1", members, nodes[:, None]), *_group("GROUP_MA", name, "M", members)]
         first += len(members)
-    for name, own in groups.nodes.items():
-        lines += _group("GROUP_NO", name, "N", own + 1)
+    for name, nodes in groups.nodes.items():
+        lines += _group("GROUP_NO", name, "N", nodes + 1)
     for point in groups.single.tolist():
         lines += _group("GROUP_NO", single_group(point), "N", np.array([point + 1]))
     return "\n".join([*lines, "FIN", ""])
@@ -77,10 +77,10 @@ def _points(numbers: Ints, points: Floats) -> Iterator[str]:
         yield f"N{number} {x:.14E} {y:.14E} {z:.14E}"
 
 
-def _in_own_order(element: Element, cells: Ints) -> Ints:
+def _in_aster_order(element: Element, cells: Ints) -> Ints:
     """Nodes in code_aster's order, from VTK's."""
-    place = element.cell.orders.get("aster")
-    return cells if place is None else cells[:, np.argsort(place)]
+    order = element.cell.orders.get("aster")
+    return cells if order is None else cells[:, np.argsort(order)]
 
 
 def _cells(kind: str, members: Ints, cells: Ints) -> Iterator[str]:

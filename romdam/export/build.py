@@ -131,7 +131,7 @@ def _numbered(scene: Scene) -> tuple[dict[str, Ints], csr_matrix]:
     """Numbers of every block's nodes, and what slave nodes follow, (3 n, 3 n)."""
     number, follows, first = dict[str, Ints](), [], 0
     for part in scene_parts(scene).values():
-        number |= {name: first + own for name, own in part.number.items()}
+        number |= {name: first + numbers for name, numbers in part.number.items()}
         first += part.every_node
         rows = csr_matrix((3 * part.nodes, 3 * part.nodes))
         follows.append(_square(rows if part.slaves is None else vstack([rows, part.slaves])))
@@ -169,8 +169,8 @@ def _gaps(
         points.append(both)
     names = tuple(name for name, joint in scene.joints.items() for _ in joint.gap)
     axes = np.concatenate([np.zeros((0, 3, 3)), *(joint.axes for joint in scene.joints.values())])
-    made = Gaps(names, np.concatenate(points), axes, _law(scene, law))
-    return made, np.concatenate(position), csr_matrix(vstack(means))
+    gaps = Gaps(names, np.concatenate(points), axes, _law(scene, law))
+    return gaps, np.concatenate(position), csr_matrix(vstack(means))
 
 
 def _law(scene: Scene, law: GapLaw) -> GapLaw:

@@ -109,8 +109,8 @@ def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]
     kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     laws, points = {}, {}
     for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):
-        own = {"RIGI_NOR": stiffness, "JEU": max(0.0, gap), "DIST_1": max(0.0, -gap)}
-        laws[f"G{k}"] = own | ({"RIGI_TAN": shear, "COULOMB": friction} if shear else {})
+        keywords = {"RIGI_NOR": stiffness, "JEU": max(0.0, gap), "DIST_1": max(0.0, -gap)}
+        laws[f"G{k}"] = keywords | ({"RIGI_TAN": shear, "COULOMB": friction} if shear else {})
         points[f"G{k}"] = _jump_points(deck)[kind.ravel() == k]
     return laws, points
 
@@ -119,7 +119,7 @@ def _tension(deck: Deck) -> tuple[dict[str, float], dict[str, Ints]]:
     """Stiffness in both signs, and points, of gaps that have some in tension."""
     stiffness = deck.gaps.law.K_nz
     kinds = np.unique(stiffness[stiffness > 0.0]).tolist()
-    points = {f"T{k}": _jump_points(deck)[stiffness == own] for k, own in enumerate(kinds)}
+    points = {f"T{k}": _jump_points(deck)[stiffness == kind] for k, kind in enumerate(kinds)}
     return dict(zip(points, kinds, strict=True)), points
 
 
@@ -132,11 +132,11 @@ def _forces(deck: Deck) -> Floats:
 
 def _relations(deck: Deck) -> list[Relation]:
     """Slave nodes of ties, then jumps, as linear relations."""
-    own = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
+    leads = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
     sticks = _sticks(deck)
     jumps = np.flatnonzero(np.column_stack([np.ones(len(sticks), dtype=bool), sticks, sticks]).ravel())
     return [
-        *_rows(deck.follows[own], np.flatnonzero(own).tolist()),
+        *_rows(deck.follows[leads], np.flatnonzero(leads).tolist()),
         *_rows(deck.jumps()[jumps], (jumps + 3 * len(deck.points)).tolist()),
     ]
 

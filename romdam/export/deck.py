@@ -115,7 +115,7 @@ class Deck:
 
     def stating(self, *sentences: str) -> Deck:
         """The same with what one code cannot express."""
-        return replace(self, stated=(*self.stated, *(one for one in sentences if one)))
+        return replace(self, stated=(*self.stated, *(sentence for sentence in sentences if sentence)))
 
     def elements(self, known: Mapping[str, str], code: str) -> list[str]:
         """Name of every solid's element in a code.
@@ -136,8 +136,8 @@ class Deck:
     @property
     def leads(self) -> csr_matrix:
         """(3 n, 3 n) every DOF from those that follow none."""
-        own = diags_array((np.diff(self.follows.indptr) == 0).astype(float))
-        return csr_matrix(self.follows + own)
+        independent = diags_array((np.diff(self.follows.indptr) == 0).astype(float))
+        return csr_matrix(self.follows + independent)
 
     @property
     def meshed(self) -> Bools:

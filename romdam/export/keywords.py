@@ -45,8 +45,8 @@ def mesh_text(deck: Deck, names: list[str]) -> str:
         ]
     lines += ["*ELSET, ELSET=EALL", *(f"B{k}" for k in range(1, len(names) + 1)), "*BOUNDARY"]
     lines += [f"{p + 1}, {c + 1}, {c + 1}" for p, c in np.argwhere(deck.fixed).tolist()]
-    own = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
-    lines += _equations(deck.follows[own], np.flatnonzero(own).tolist())
+    leads = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
+    lines += _equations(deck.follows[leads], np.flatnonzero(leads).tolist())
     return "\n".join([*lines, *_masses(deck, first)]) + "\n"
 
 
@@ -65,18 +65,21 @@ def gaps_text(deck: Deck) -> str:
     number = sum(len(solid.cells) for solid in deck.solids) + first - len(deck.points)
     kinds, kind = np.unique(np.column_stack([law.K_n, law.K_nz, law.gap]), axis=0, return_inverse=True)
     for k, (K_n, K_nz, gap) in enumerate(kinds.tolist()):
-        own = np.flatnonzero(kind.ravel() == k)
-        lines += [f"*ELEMENT, TYPE=SPRING1, ELSET=G{k}", *_ones(own, number, first)]
+        of_kind = np.flatnonzero(kind.ravel() == k)
+        lines += [f"*ELEMENT, TYPE=SPRING1, ELSET=G{k}", *_spring_elements(of_kind, number, first)]
         lines += [f"*SPRING, NONLINEAR, ELSET=G{k}", "1"]
         lines += [f"{_number(-K_n * _REACH)}, {_number(-gap - _REACH)}", f"0.0, {_number(-gap)}"]
         lines.append(f"{_number(K_nz * _REACH)}, {_number(_REACH - gap)}")
-        number += len(own)
+        number += len(of_kind)
     for k, stiffness in enumerate(np.unique(law.K_s[sticks]).tolist()):
-        own = np.flatnonzero(sticks & (law.K_s == stiffness))
+        sliding_gaps = np.flatnonzero(sticks & (law.K_s == stiffness))
         for axis in (2, 3):
-            lines += [f"*ELEMENT, TYPE=SPRING1, ELSET=S{k}_{axis}", *_ones(own, number, first)]
+            lines += [
+                f"*ELEMENT, TYPE=SPRING1, ELSET=S{k}_{axis}",
+                *_spring_elements(sliding_gaps, number, first),
+            ]
             lines += [f"*SPRING, ELSET=S{k}_{axis}", str(axis), _number(stiffness)]
-            number += len(own)
+            number += len(sliding_gaps)
     return "\n".join(lines) + "\n"
 
 
@@ -85,8 +88,8 @@ def jump_node(deck: Deck) -> int:
     return len(deck.points) + sum(1 for _ in deck.wet()) + 1
 
 
-def _ones(own: Ints, number: int, first: int) -> Iterator[str]:
-    return (f"{number + i}, {first + gap}" for i, gap in enumerate(own.tolist()))
+def _spring_elements(indices: Ints, number: int, first: int) -> Iterator[str]:
+    return (f"{number + i}, {first + gap}" for i, gap in enumerate(indices.tolist()))
 
 
 def _points(points: Floats, numbers: Ints) -> Iterator[str]:
@@ -102,15 +105,15 @@ def _number(value: float) -> str:
 def _split(words: list[object], most: int) -> list[str]:
     """Words on as many lines as they need, all but the last with a comma at the end."""
     parts = [", ".join(map(str, words[k : k + most])) for k in range(0, len(words), most)]
-    return [*(f"{part}," for part in parts[:-1]), parts[-1]]
+    return [*(f"{word}," for word in parts[:-1]), parts[-1]]
 
 
 def _equations(rows: csr_matrix, dofs: list[int]) -> list[str]:
     """Each DOF (numbers 3 point + component) is the combination of others in its row."""
     lines: list[str] = []
     for dof, start, end in zip(dofs, rows.indptr[:-1].tolist(), rows.indptr[1:].tolist(), strict=True):
-        own = slice(start, end)
-        terms = zip(rows.indices[own].tolist(), rows.data[own].tolist(), strict=True)
+        columns = slice(start, end)
+        terms = zip(rows.indices[columns].tolist(), rows.data[columns].tolist(), strict=True)
         texts = [f"{c // 3 + 1}, {c % 3 + 1}, {_number(v)}" for c, v in ((dof, -1.0), *terms) if v]
         lines += ["*EQUATION", str(len(texts))]
         lines += [", ".join(texts[k : k + 4]) for k in range(0, len(texts), 4)]
@@ -160,7 +163,7 @@ def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[st
         lines += ["*CLOAD, AMPLITUDE=ALWAYS", *loads]
     for axis, acc in zip("XYZ", motion.acc, strict=True):
         if acc.any():
-            along = ", ".join("-1.0" if axis == own else "0.0" for own in "XYZ")
+            along = ", ".join("-1.0" if axis == direction else "0.0" for direction in "XYZ")
             lines += [f"*DLOAD, AMPLITUDE=GROUND_{axis}", f"EALL, GRAV, 1.0, {along}"]
     return "\n".join([*lines, *output, "*END STEP"]) + "\n"
 

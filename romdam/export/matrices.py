@@ -104,13 +104,13 @@ def write(
     written = [_write_system(system, folder / "system.h5")]
     for name, block in scene.blocks.items():
         if reduced is None:
-            own: BlockExport | str = _unreduced(scene, block, operators[name], damping)
+            export: BlockExport | str = _unreduced(scene, block, operators[name], damping)
         else:
-            own = _why_not(scene, name) or _reduced(scene, reduced, name, operators[name])
-        if isinstance(own, str):
-            log.warning("block %s: no matrices of its own, %s; system.h5 has all of it", name, own)
+            export = _why_not(scene, name) or _reduced(scene, reduced, name, operators[name])
+        if isinstance(export, str):
+            log.warning("block %s: no matrices of its own, %s; system.h5 has all of it", name, export)
         else:
-            written += _write_block(own, name, folder)
+            written += _write_block(export, name, folder)
     return written
 
 
@@ -119,8 +119,8 @@ def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingCon
     alpha, beta = rayleigh_coefficients(damping.rayleigh)
     further = further_damping(block, damping.rayleigh)
     C = alpha * M + beta * K if further is None else alpha * M + beta * K + further
-    own = block.matrices
-    motion = np.tile(np.arange(3), len(block.points)) if own is None else own.motion.ravel()
+    matrices = block.matrices
+    motion = np.tile(np.arange(3), len(block.points)) if matrices is None else matrices.motion.ravel()
     some = np.flatnonzero(motion >= 0)
     return BlockExport(
         unknowns=_named(block, some, motion[some]),
@@ -227,27 +227,27 @@ def _transform(V_b: Floats, omega2: Floats) -> Floats | None:
     return np.hstack([R, N])
 
 
-def _write_block(own: BlockExport, name: str, folder: Path) -> list[Path]:
+def _write_block(export: BlockExport, name: str, folder: Path) -> list[Path]:
     paths = [folder / f"{name}.h5", folder / f"{name}_unknowns.csv"]
     keys = ["stiffness", "mass", "damping", "gaps", "inertia", "force"]
-    keys += ["drag"] if own.drag.shape[1] else []
+    keys += ["drag"] if export.drag.shape[1] else []
     with creating(paths[0]) as file:
         file.attrs["units"] = "m-kg-s"
-        write_unknowns(file, own.unknowns)
+        write_unknowns(file, export.unknowns)
         for key in keys:
-            value = getattr(own, key)
+            value = getattr(export, key)
             if issparse(value):
                 write_matrix(file, key, value)
             else:
                 file[key] = value
-    labels = zip(own.unknowns.node, own.unknowns.motion, own.unknowns.position.tolist(), strict=True)
+    labels = zip(export.unknowns.node, export.unknowns.motion, export.unknowns.position.tolist(), strict=True)
     rows = [f"{n},{DIRECTIONS[m]},{','.join('' if x != x else repr(x) for x in at)}\n" for n, m, at in labels]
-    with replacing(paths[1]) as part:
-        part.write_text("node,direction,x,y,z\n" + "".join(rows))
+    with replacing(paths[1]) as unfinished:
+        unfinished.write_text("node,direction,x,y,z\n" + "".join(rows))
     for key in keys:
         paths.append(folder / f"{name}_{key}.mtx")
-        with replacing(paths[-1]) as part:
-            mmwrite(part, getattr(own, key), symmetry="general", precision=17)
+        with replacing(paths[-1]) as unfinished:
+            mmwrite(unfinished, getattr(export, key), symmetry="general", precision=17)
     return paths
 
 

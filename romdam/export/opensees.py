@@ -107,7 +107,7 @@ def _gaps(deck: Deck) -> str:
         numbers.tolist(),
         strict=True,
     )
-    return table(head, ([name, *points, *axes, *own] for name, points, axes, own in rows))
+    return table(head, ([name, *points, *axes, *parameters] for name, points, axes, parameters in rows))
 
 
 _IMPORTS = """

@@ -33,7 +33,7 @@ def openings_head(gaps: int, probes: Iterable[str]) -> str:
 def comments(mark: str, title: str, stated: Iterable[str]) -> str:
     """A script's head: what it is, and what differs from romdam's model."""
     lines = [printable(title), "What differs from romdam's model:", *(stated or ["nothing"])]
-    return "\n".join(f"{mark} {part}" for line in lines for part in wrap(line, 110))
+    return "\n".join(f"{mark} {piece}" for line in lines for piece in wrap(line, 110))
 
 
 def assignments(values: Mapping[str, object]) -> str:

@@ -66,7 +66,7 @@ def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Datas
 
 def _median(values: Floats) -> Floats:
     """Medians of the finite numbers of each row; NaN where there is none."""
-    return np.array([np.median(own) if len(own := row[np.isfinite(row)]) else np.nan for row in values])
+    return np.array([np.median(finite) if len(finite := row[np.isfinite(row)]) else np.nan for row in values])
 
 
 def _related(x: Floats, y: Floats) -> tuple[float, float, float, float, float]:
@@ -110,11 +110,11 @@ def sensitivity(
     ResultError
         for a response that the suite does not have.
     """
-    values, given = response_of(summary, response), parameters(summary)
-    names = list(given)
+    values, sampled = response_of(summary, response), parameters(summary)
+    names = list(sampled)
     effect, logarithmic = _effects(values)
     there = np.isfinite(effect)
-    varied = {n: v.values[there] for n, v in given.items() if len(np.unique(v.values[there])) > 1}
+    varied = {n: v.values[there] for n, v in sampled.items() if len(np.unique(v.values[there])) > 1}
     count = int(there.sum())
     about = about_runs(summary, values) | {
         "samples": count,
@@ -126,8 +126,8 @@ def sensitivity(
     r_squared = np.nan
     if not about["statement"]:
         columns = [names.index(n) for n in varied]
-        found, r_squared = _dependence(list(varied.values()), effect[there], confidence, seed)
-        table[:, :, columns] = found
+        strength, r_squared = _dependence(list(varied.values()), effect[there], confidence, seed)
+        table[:, :, columns] = strength
     data: dict[str, object] = {"effect": ("sample", effect, {"units": "1"}), "r_squared": ((), r_squared)}
     for name, (value, low, high) in zip(("spearman", "regression"), table, strict=True):
         data[name] = ("parameter", value, {"units": "1"})

@@ -40,18 +40,21 @@ def opening_envelopes(summary: xr.Dataset, fractiles: tuple[float, ...] = (0.5, 
         raise ResultError("gap_peak_opening: this suite has none; a model without joints has no openings")
     peaks = summary.gap_peak_opening.transpose(*RUNS, "gap")
     runs, gaps = peaks.sizes["record"] * peaks.sizes["sample"], peaks.sizes["gap"]
-    found = np.full((len(fractiles), peaks.sizes["scale"], gaps), np.nan)
+    envelopes = np.full((len(fractiles), peaks.sizes["scale"], gaps), np.nan)
     count = np.zeros(peaks.sizes["scale"])
     together = max(1, MEMORY // max(runs, 1))
     for k in range(peaks.sizes["scale"]):
         for first in range(0, gaps, together):
             chunk = slice(first, first + together)
-            part = peaks.isel(scale=k, gap=chunk).values.reshape(runs, -1).astype(float)
-            part = part[np.isfinite(part).all(axis=1)]
-            count[k] = len(part)
-            if len(part):
-                found[:, k, chunk] = np.quantile(part, fractiles, axis=0)
+            complete = peaks.isel(scale=k, gap=chunk).values.reshape(runs, -1).astype(float)
+            complete = complete[np.isfinite(complete).all(axis=1)]
+            count[k] = len(complete)
+            if len(complete):
+                envelopes[:, k, chunk] = np.quantile(complete, fractiles, axis=0)
     kept = ("scale", "gap_joint", "gap_position", "gap_area", "joint", "component")
     coords = {name: summary[name] for name in kept if name in summary.coords}
-    data = {"opening": (("fractile", "scale", "gap"), found, dict(peaks.attrs)), "count": ("scale", count)}
+    data = {
+        "opening": (("fractile", "scale", "gap"), envelopes, dict(peaks.attrs)),
+        "count": ("scale", count),
+    }
     return xr.Dataset(data, coords | {"fractile": list(fractiles)}, {"title": summary.attrs.get("title", "")})

@@ -103,7 +103,7 @@ def _observations(curves: list[Curve], threshold: float, method: str) -> Observa
             known.append(curve.reaches(threshold))
         else:
             above.append(curve.intensity[-1])
-    return Observations(*(np.log(np.array(part, dtype=float)) for part in (known, below, above)))
+    return Observations(*(np.log(np.array(members, dtype=float)) for members in (known, below, above)))
 
 
 def _product_limit(seen: Observations) -> Floats:
@@ -113,7 +113,7 @@ def _product_limit(seen: Observations) -> Floats:
     """
     reached = np.concatenate([seen.known, seen.below])
     levels, counts = np.unique(reached, return_counts=True)
-    left = np.array([(reached >= one).sum() + (seen.above >= one).sum() for one in levels])
+    left = np.array([(reached >= level).sum() + (seen.above >= level).sum() for level in levels])
     share = 1.0 - np.cumprod(1.0 - counts / np.maximum(left, 1))
     return np.column_stack([np.exp(levels), share, counts])
 

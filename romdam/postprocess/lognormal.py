@@ -109,10 +109,10 @@ class LognormalFit:
         x = np.log(values)
         bounds = [
             [
-                self._crossing(lambda z, x=one: self._through(x, z), eta, sign * 0.2, confidence)  # type: ignore[misc]
+                self._crossing(lambda z, x=value: self._through(x, z), eta, sign * 0.2, confidence)  # type: ignore[misc]
                 for sign in (-1.0, 1.0)
             ]
-            for one, eta in zip(x, self._eta(x), strict=True)
+            for value, eta in zip(x, self._eta(x), strict=True)
         ]
         return np.asarray(ndtr(np.array(bounds)))
 
@@ -128,8 +128,8 @@ class LognormalFit:
         """Highest log-likelihood of the distributions with one beta."""
         slope = np.exp(-log_beta)
         offset = slope * (self.observations.all - self.centre)
-        found = _climb(self.observations, np.ones((len(offset), 1)), offset, np.array([self.level]))
-        return found.height + len(self.observations.known) * float(np.log(slope))
+        climbed = _climb(self.observations, np.ones((len(offset), 1)), offset, np.array([self.level]))
+        return climbed.height + len(self.observations.known) * float(np.log(slope))
 
     def _crossing(
         self, profile: Callable[[float], float], start: float, step: float, confidence: float
@@ -174,10 +174,10 @@ def fit_lognormal(observations: Observations) -> LognormalFit:
     centre, spread = float(x.mean()), float(x.std())
     design = np.column_stack([x - centre, np.ones(len(x))])
     start = np.array([1.0 / spread, 0.0])
-    found = _climb(observations, design, np.zeros(len(x)), start, slopes=True)
-    if found.at[0] <= 0.0:
+    climbed = _climb(observations, design, np.zeros(len(x)), start, slopes=True)
+    if climbed.at[0] <= 0.0:
         raise ValueError("the share above the threshold does not grow with the intensity")
-    return LognormalFit(observations, centre, float(found.at[0]), float(found.at[1]), found.height)
+    return LognormalFit(observations, centre, float(climbed.at[0]), float(climbed.at[1]), climbed.height)
 
 
 def why_not(seen: Observations) -> str:
@@ -203,8 +203,8 @@ def why_not(seen: Observations) -> str:
 
 def _rising(seen: Observations, design: Floats, offset: Floats, slope: float) -> float:
     """Highest log-likelihood over slopes that do not fall."""
-    found = _climb(seen, design, offset, np.array([slope]), slopes=True)
-    return found.height if found.at[0] >= 0.0 else _height(seen, offset)
+    climbed = _climb(seen, design, offset, np.array([slope]), slopes=True)
+    return climbed.height if climbed.at[0] >= 0.0 else _height(seen, offset)
 
 
 def _climb(seen: Observations, design: Floats, offset: Floats, start: Floats, slopes: bool = False) -> Peak:

@@ -44,9 +44,11 @@ HEAD = ("quantity", "value", "unit", "where", "time [s]", "note")
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Motion, joints, stress, what the result has of each; round-off as 0, with a note that says what is."""
     rows = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
-    told = _as_displacements([_without_round_off(row, rows) for row in rows])
-    fixed = {str(one) for of in _FIXED if of in dataset for one in dataset[of].values}
-    return [row._replace(where="") if _is_round_off(row) and row.where not in fixed else row for row in told]
+    rows_in_mm = _as_displacements([_without_round_off(row, rows) for row in rows])
+    fixed = {str(fixed_name) for of in _FIXED if of in dataset for fixed_name in dataset[of].values}
+    return [
+        row._replace(where="") if _is_round_off(row) and row.where not in fixed else row for row in rows_in_mm
+    ]
 
 
 def _as_displacements(rows: list[Row]) -> list[Row]:
@@ -95,18 +97,18 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
 def _joints(dataset: xr.Dataset) -> list[Row]:
     rows = []
     for joint in dataset.joint.values if "joint" in dataset else ():
-        own, where = dataset.sel(joint=joint), str(joint)
+        of_joint, where = dataset.sel(joint=joint), str(joint)
         when = peak_opening_time(dataset, joint)
-        shown = "" if when is None else f"{when:.3f}"
-        rows.append(Row("joint opening", float(own.peak_opening), "m", where, shown))
-        stress = float(own.peak_compressive_stress)
+        instant = "" if when is None else f"{when:.3f}"
+        rows.append(Row("joint opening", float(of_joint.peak_opening), "m", where, instant))
+        stress = float(of_joint.peak_compressive_stress)
         rows.append(Row("joint compression", stress, "Pa", where, note=INSTANT))
-        if "peak_mean_compressive_stress" in own:
+        if "peak_mean_compressive_stress" in of_joint:
             interval = float(dataset.time[-1] - dataset.time[0]) / max(dataset.time.size - 1, 1)
             name = f"joint compression, mean of {interval:.3g} s"
-            rows.append(Row(name, float(own.peak_mean_compressive_stress), "Pa", where))
-        if "peak_slip" in own:
-            rows.append(Row("joint slip", float(own.peak_slip), "m", where))
+            rows.append(Row(name, float(of_joint.peak_mean_compressive_stress), "Pa", where))
+        if "peak_slip" in of_joint:
+            rows.append(Row("joint slip", float(of_joint.peak_slip), "m", where))
     return rows
 
 
@@ -116,13 +118,13 @@ def peak_opening_time(dataset: xr.Dataset, joint: str) -> float | None:
     Blocks that mirror each other at a joint and shake along it keep the opening of the start: when the
     largest comes is then round-off.
     """
-    own = dataset.sel(joint=joint)
-    peak = float(own.peak_opening)
+    of_joint = dataset.sel(joint=joint)
+    peak = float(of_joint.peak_opening)
     if "opening" in dataset:
         widest = dataset.opening.values[:, dataset.gap_joint.values == joint].max(axis=1)
         if peak - widest.min() <= _MOVES * max(abs(peak), abs(float(widest.min()))):
             return None
-    return float(own.peak_opening_time)
+    return float(of_joint.peak_opening_time)
 
 
 def _sections(dataset: xr.Dataset) -> list[Row]:
@@ -130,12 +132,12 @@ def _sections(dataset: xr.Dataset) -> list[Row]:
     rows = []
     for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
         for section in dataset.section.values if f"section_{name}" in dataset else ():
-            own = dataset[f"section_{name}"].sel(section=section)
-            for along in own[f"section_{dim}"].values:
-                values = own.sel({f"section_{dim}": along}).values
+            forces = dataset[f"section_{name}"].sel(section=section)
+            for along in forces[f"section_{dim}"].values:
+                values = forces.sel({f"section_{dim}": along}).values
                 for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
-                    label, when = f"{side} section {name}, {along}", f"{float(own.time[k]):.3f}"
-                    row = Row(label, float(values[k]), str(own.attrs["units"]), str(section), when)
+                    label, when = f"{side} section {name}, {along}", f"{float(forces.time[k]):.3f}"
+                    row = Row(label, float(values[k]), str(forces.attrs["units"]), str(section), when)
                     rows.append(row)
     return rows
 
@@ -148,8 +150,8 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
             if variable not in dataset or not dataset[variable].notnull().any():
                 continue
             label = f"{'largest' if side == 'max' else 'smallest'} {name} stress"
-            found = _at_worst(dataset, label, dataset[variable], find)
-            rows += found if side == "max" else found[:1]
+            worst = _at_worst(dataset, label, dataset[variable], find)
+            rows += worst if side == "max" else worst[:1]
     return rows + _damage(dataset)
 
 
@@ -159,11 +161,11 @@ def _at_worst(
     """Worst of (stress_node,) values, and the worst outside the ring where that one is in it."""
     whole, rows = values.values, []
     outside = np.where(_ring(dataset), np.nan, whole)
-    for name, found in ((label, whole), (f"{label} outside the ring", outside)):
-        if np.isfinite(found).any() and (found is whole or _ring(dataset)[int(find(whole))]):
-            k = int(find(found))
+    for name, value in ((label, whole), (f"{label} outside the ring", outside)):
+        if np.isfinite(value).any() and (value is whole or _ring(dataset)[int(find(whole))]):
+            k = int(find(value))
             here = _place(dataset, k), _when(dataset, str(values.name), k)
-            rows.append(Row(name, float(found[k]), str(values.attrs["units"]), *here))
+            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), *here))
     return rows
 
 
@@ -203,8 +205,8 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
         rows += _at_worst(dataset, of_ratio, ratio)
         rows += _at_worst(dataset, of_duration, duration[:, 0])
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
-        own = dataset.sel(stress_face=face)
-        share = 100.0 * float(own.overstressed_area[0]) / float(own.stress_face_area)
+        of_face = dataset.sel(stress_face=face)
+        share = 100.0 * float(of_face.overstressed_area[0]) / float(of_face.stress_face_area)
         rows.append(Row("overstressed part of the face, with the ring", share, "%", str(face)))
     return rows
 
@@ -224,16 +226,16 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
     """Rows under `FACE_HEAD`: headline stress, ring, and acceptance of the total and of the change."""
     rows = []
     for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
-        own = dataset.sel(stress_face=face)
-        stress = 1e-6 * own.face_principal_stress
-        at = ", ".join(f"{x:.4g}" for x in own.face_peak_position.values)
+        of_face = dataset.sel(stress_face=face)
+        stress = 1e-6 * of_face.face_principal_stress
+        at = ", ".join(f"{x:.4g}" for x in of_face.face_peak_position.values)
         numbers = (float(stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0))
-        start = f"{float(own.face_start_overstressed_share):.3g}" if "acceptance" in dataset else "-"
-        about = (str(face), *(f"{x:.3g}" for x in numbers), at, f"{float(own.ring_share):.3g}", start)
+        start = f"{float(of_face.face_start_overstressed_share):.3g}" if "acceptance" in dataset else "-"
+        about = (str(face), *(f"{x:.3g}" for x in numbers), at, f"{float(of_face.ring_share):.3g}", start)
         for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
-            met = own.acceptance.sel(stress_basis=basis)
+            met = of_face.acceptance.sel(stress_basis=basis)
             words = (verdict(met.sel(dam_kind=kind).values) for kind in LIMITS)
-            if np.isnan(own.face_principal_stress).all():
+            if np.isnan(of_face.face_principal_stress).all():
                 words = ("not judged: all of it is in the ring" for _ in LIMITS)
             rows.append((*about, str(basis), *words))
             about = ("",) * len(about)
@@ -251,16 +253,22 @@ def stress_statement(dataset: xr.Dataset, peak_shares: Mapping[str, float]) -> s
     """
     faces = []
     for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
-        own = dataset.sel(stress_face=face)
-        low, top = (1e-6 * float(own.face_principal_stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0))
-        at = ", ".join(f"{x:.4g}" for x in own.face_peak_position.values)
-        start = float(own.face_start_overstressed_share) if "face_start_overstressed_share" in own else 0.0
+        of_face = dataset.sel(stress_face=face)
+        low, top = (
+            1e-6 * float(of_face.face_principal_stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0)
+        )
+        at = ", ".join(f"{x:.4g}" for x in of_face.face_peak_position.values)
+        start = (
+            float(of_face.face_start_overstressed_share)
+            if "face_start_overstressed_share" in of_face
+            else 0.0
+        )
         rest = f", {start:.3g} % of its area above the strength before the shaking" if start > 0.0 else ""
-        one = peak_shares.get(str(face), 0.0) > 100.0 - HEADLINE
-        coarse = f"; one node is more than {100.0 - HEADLINE:g} % of this face" if one else ""
+        is_headline = peak_shares.get(str(face), 0.0) > 100.0 - HEADLINE
+        coarse = f"; one node is more than {100.0 - HEADLINE:g} % of this face" if is_headline else ""
         faces.append(
             f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}{coarse}; "
-            f"the ring leaves out {float(own.ring_share):.3g} % of its area{_judged(own)})"
+            f"the ring leaves out {float(of_face.ring_share):.3g} % of its area{_judged(of_face)})"
         )
     named = f"major principal stress that {HEADLINE:g} % of a face's area outside the ring do not exceed: "
     return named + "; ".join(faces) if faces else ""

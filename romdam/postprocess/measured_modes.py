@@ -47,15 +47,15 @@ def match_modes(measured: Sequence[MeasuredMode], freq: Floats, motion: Floats) 
     ResultError
         where too few modes move along a direction.
     """
-    numbers = np.array([one.mode or 0 for one in measured])
+    numbers = np.array([mode.mode or 0 for mode in measured])
     free = np.flatnonzero(numbers == 0)
     cost = np.full((len(free), len(freq)), np.inf)
     main = motion.argmax(axis=1)
     for row, k in enumerate(free.tolist()):
-        one = measured[k]
-        fits = (freq > 0.0) & ((main == one.direction) if one.direction is not None else True)
+        mode = measured[k]
+        fits = (freq > 0.0) & ((main == mode.direction) if mode.direction is not None else True)
         fits[numbers[numbers > 0] - 1] = False
-        cost[row, fits] = np.log(freq[fits] / one.frequency) ** 2
+        cost[row, fits] = np.log(freq[fits] / mode.frequency) ** 2
     try:
         rows, columns = linear_sum_assignment(cost)
     except ValueError:

@@ -103,5 +103,5 @@ def target_of(motion: GroundMotion) -> dict[str, Any]:
 def _curves_of(motions: Sequence[GroundMotion], target: dict[str, Any]) -> TargetCurves:
     periods, damping = np.array(target["periods_s"]), float(target["damping"])
     of = next(word for word, name in NAMED.items() if name == target["of"])
-    psa = np.array([spectrum(one.acc, one.dt, periods, damping, of) for one in motions])
+    psa = np.array([spectrum(motion.acc, motion.dt, periods, damping, of) for motion in motions])
     return TargetCurves(str(target["of"]), damping, periods, np.array(target["sa_m_s2"]), psa)

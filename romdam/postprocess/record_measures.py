@@ -48,11 +48,11 @@ def analysed_share(motion: GroundMotion, duration: float | None) -> tuple[float,
     The intensity is summed over the components. Both are 1 where nothing but rest is cut, and for a motion
     that is none.
     """
-    part = analysed(motion, duration)
+    shortened = analysed(motion, duration)
     whole = float(arias_history(motion.acc, motion.dt)[..., -1].sum())
     if whole <= 0.0:
         return 1.0, 1.0
-    return part.peak / motion.peak, float(arias_history(part.acc, motion.dt)[..., -1].sum()) / whole
+    return shortened.peak / motion.peak, float(arias_history(shortened.acc, motion.dt)[..., -1].sum()) / whole
 
 
 def peak_time(motion: GroundMotion) -> float:
@@ -63,16 +63,16 @@ def peak_time(motion: GroundMotion) -> float:
 def peak_text(attrs: Mapping[str, Any]) -> str:
     """The peak acceleration of what a result analysed, and that of the whole record where it is another."""
     whole = float(attrs["record_peak_acceleration"])
-    part = float(attrs.get("analysed_peak_acceleration", whole))
-    rest = "" if part == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
-    return f"{part:.3g} m/s²{rest}"
+    analysed_peak = float(attrs.get("analysed_peak_acceleration", whole))
+    rest = "" if analysed_peak == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
+    return f"{analysed_peak:.3g} m/s²{rest}"
 
 
 def stated_warnings(attrs: Mapping[str, Any]) -> list[str]:
     """What a result warns of, of its run, its configuration and its record."""
     names = ("run_warnings", "configuration_doubts", "record_warnings")
-    found = (json.loads(str(attrs.get(name, "[]"))) for name in names)
-    return [str(text) for texts in found for text in texts]
+    lists = (json.loads(str(attrs.get(name, "[]"))) for name in names)
+    return [str(text) for texts in lists for text in texts]
 
 
 def measures_at_scales(

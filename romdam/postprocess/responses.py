@@ -76,8 +76,8 @@ def measures(summary: xr.Dataset) -> list[str]:
 
 def parameters(summary: xr.Dataset) -> dict[str, xr.DataArray]:
     """Name -> values (sample) of the parameters that the samples vary; 0.1 wrote them without prefix."""
-    found = {str(n): v for n, v in summary.coords.items() if v.dims == ("sample",) and n != "sample"}
-    return {name.removeprefix(PARAMETER): values for name, values in found.items()}
+    sampled = {str(n): v for n, v in summary.coords.items() if v.dims == ("sample",) and n != "sample"}
+    return {name.removeprefix(PARAMETER): values for name, values in sampled.items()}
 
 
 @dataclass(frozen=True)
@@ -107,13 +107,13 @@ def curves_of(values: xr.DataArray, levels: xr.DataArray) -> list[Curve]:
     """A curve for each record and sample that has a run."""
     y = values.transpose("record", "sample", "scale").values
     x = np.broadcast_to(levels.values[:, None, :], y.shape)
-    found = []
+    curves = []
     for row_x, row_y in zip(x.reshape(-1, x.shape[-1]), y.reshape(-1, y.shape[-1]), strict=True):
         there = np.flatnonzero(np.isfinite(row_x) & np.isfinite(row_y) & (row_x > 0.0))
         there = there[np.argsort(row_x[there], kind="stable")]
         if len(there):
-            found.append(Curve(row_x[there], row_y[there]))
-    return found
+            curves.append(Curve(row_x[there], row_y[there]))
+    return curves
 
 
 def about_runs(

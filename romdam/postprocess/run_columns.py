@@ -53,14 +53,14 @@ def run_columns(summary: xr.Dataset) -> list[Column]:
 def _columns(summary: xr.Dataset, name: str) -> Iterator[Column]:
     """The columns of a variable: one for each of its places."""
     variable, sizes = summary[name], [summary.sizes[dim] for dim in RUNS]
-    own = [str(dim) for dim in variable.dims if dim in RUNS]
+    run_dims = [str(dim) for dim in variable.dims if dim in RUNS]
     rest = [str(dim) for dim in variable.dims if dim not in RUNS]
-    if not own or set(rest) & set(_MAPS):
+    if not run_dims or set(rest) & set(_MAPS):
         return
-    values = variable.transpose(*own, *rest).values
-    shape = [summary.sizes[dim] if dim in own else 1 for dim in RUNS]
+    values = variable.transpose(*run_dims, *rest).values
+    shape = [summary.sizes[dim] if dim in run_dims else 1 for dim in RUNS]
     about = variable.attrs
     for at in np.ndindex(*(summary.sizes[dim] for dim in rest)):
         flat = np.broadcast_to(values[(..., *at)].reshape(shape), sizes).ravel()
-        place = ".".join(str(summary[dim].values[k]) for dim, k in zip(rest, at, strict=True))
-        yield Column(name, place, str(about.get("units", "")), str(about.get("long_name", "")), flat)
+        position = ".".join(str(summary[dim].values[k]) for dim, k in zip(rest, at, strict=True))
+        yield Column(name, position, str(about.get("units", "")), str(about.get("long_name", "")), flat)

@@ -23,32 +23,32 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
     ----------
     stats : of `romdam.core.system.History`
     """
-    found = []
+    sentences = []
     if not stats.get("ledger_imbalance", 0.0) <= LEDGER_LIMIT:
-        found.append(
+        sentences.append(
             f"the energy ledger is open by {100 * stats['ledger_imbalance']:.2g} % of the energy exchanged, "
             f"limit {100 * LEDGER_LIMIT:g} %: the run is not to be trusted; try a finer "
             "transient.finest_step, or integrator adaptive"
         )
     if "accuracy" in stats and not stats["estimated_time_error"] <= stats["accuracy"]:
-        found.append(
+        sentences.append(
             f"the time-stepping error is about {100 * stats['estimated_time_error']:.2g} %, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
         )
     if not stats.get("quasi_static_mass", 0.0) <= _MASS:
-        found.append(
+        sentences.append(
             f"modes with {stats['quasi_static_mass']:.0%} of the effective mass follow joint forces alone, "
             f"not the ground: displacements are too small; take a transient.finest_step below "
             f"{stats['finest_step']:.3g} s, or the integrator modal"
         )
     if "accuracy" not in stats and not stats.get("estimated_time_error", 0.0) <= _ROUGH:
-        found.append(
+        sentences.append(
             f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
             f"half of them shows: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
             "transient.accuracy; if a finer step does not help, the history is chaotic: trust the peaks only"
         )
-    return found
+    return sentences
 
 
 def crack_warnings(water: Iterable[JointWaterConfig], scene: Scene, history: History) -> list[str]:
@@ -58,8 +58,8 @@ def crack_warnings(water: Iterable[JointWaterConfig], scene: Scene, history: His
     ----------
     water : `loads.joint_water`
     """
-    found, first = [], 0
-    diagrams = {name: one for one in water if one.downstream is not None for name in one.joints}
+    sentences, first = [], 0
+    diagrams = {name: entry for entry in water if entry.downstream is not None for name in entry.joints}
     for name, joint in scene.joints.items():
         gaps = slice(first, first := first + len(joint.gap))
         if name not in diagrams:
@@ -75,9 +75,9 @@ def crack_warnings(water: Iterable[JointWaterConfig], scene: Scene, history: His
             else "the water's pressure stays the diagram of the closed joint, in the crack too "
             "(crack: unchanged)"
         )
-        found.append(
+        sentences.append(
             f"joint {name} is open over {share[0]:.0%} of its area at the start and up to {share.max():.0%} "
             f"later, while {assumed}. A crack that lets the reservoir in has more uplift: this is unsafe "
             "where the crack is long"
         )
-    return found
+    return sentences

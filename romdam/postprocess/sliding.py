@@ -113,23 +113,23 @@ def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
 
 
 def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
-    own, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
-    time, state = own.time.values, gaps.joint_state.values
-    factor, seconds = own.sliding_safety_factor.values, row_seconds(time)
+    of_joint, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
+    time, state = of_joint.time.values, gaps.joint_state.values
+    factor, seconds = of_joint.sliding_safety_factor.values, row_seconds(time)
     least = np.fmin.reduce(factor)
     moves, stays = (state == SLIP).any(axis=1), (state == STICK).any(axis=1)
     normal = _mean_normal(gaps)
-    along = _along(own.joint_displacement.values, normal)
+    along = _along(of_joint.joint_displacement.values, normal)
     residual, rotation = _rigid_motion(gaps, normal)
     steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
     return Sliding(
         joint=name,
-        blocks=(str(own.joint_blocks.values[0]), str(own.joint_blocks.values[1])),
+        blocks=(str(of_joint.joint_blocks.values[0]), str(of_joint.joint_blocks.values[1])),
         factor=float(least),
         factor_time=float(time[(factor <= (1.0 + _SAME) * least).argmax()]),
         sliding_time=float(seconds[moves & ~stays].sum()),
         open_time=float(seconds[(state == OPEN).all(axis=1)].sum()),
-        unbounded=bool(np.isinf(own.joint_shear_strength.values).any()),
+        unbounded=bool(np.isinf(of_joint.joint_shear_strength.values).any()),
         slipped=bool(moves.any()),
         residual=residual,
         residual_slip=float(np.linalg.norm(_along(residual, normal))),
@@ -181,19 +181,27 @@ HEAD: Row = (
 
 def sliding_rows(dataset: xr.Dataset) -> list[Row]:
     """The table of a result under `HEAD`: how block J slides on block I, a row for each joint."""
-    return [_row(one) for one in sliding(dataset)]
+    return [_row(summary) for summary in sliding(dataset)]
 
 
-def _row(one: Sliding) -> Row:
-    factor = ("-", "-") if np.isnan(one.factor) else (f"{one.factor:.4g}", f"{one.factor_time:.3f}")
-    lengths = (one.residual_slip, one.largest_slip, *one.residual, one.rotation, one.cumulative_slip)
-    times = (f"{one.sliding_time:.3g}", f"{one.open_time:.3g}")
-    block_I, block_J = one.blocks
+def _row(summary: Sliding) -> Row:
+    factor = (
+        ("-", "-") if np.isnan(summary.factor) else (f"{summary.factor:.4g}", f"{summary.factor_time:.3f}")
+    )
+    lengths = (
+        summary.residual_slip,
+        summary.largest_slip,
+        *summary.residual,
+        summary.rotation,
+        summary.cumulative_slip,
+    )
+    times = (f"{summary.sliding_time:.3g}", f"{summary.open_time:.3g}")
+    block_I, block_J = summary.blocks
     return (
-        one.joint,
+        summary.joint,
         block_J,
         block_I,
-        one.verdict,
+        summary.verdict,
         *factor,
         *times,
         *(f"{1e3 * value:.4g}" for value in lengths),

@@ -34,17 +34,17 @@ def _cost(comparison: xr.Dataset) -> Table:
     about = ("variant", "order", "unknowns", "gaps", "step [ms]", "steps")
     head = (*about, "reduction [s]", "loop [s]", "in all [s]", "ratio")
     rows: list[Row] = []
-    for name, one in _each(comparison):
-        cpu = [float(one[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
-        sizes = [int(one[key]) for key in ("unknowns", "gaps")]
-        step = 1e3 * float(one.finest_step)
+    for name, variant in _each(comparison):
+        cpu = [float(variant[f"cpu_seconds_{key}"]) for key in ("reduction", "loop", "total")]
+        sizes = [int(variant[key]) for key in ("unknowns", "gaps")]
+        step = 1e3 * float(variant.finest_step)
         rows.append(
             (
                 name,
-                str(one.model_order.values),
+                str(variant.model_order.values),
                 *sizes,
                 step,
-                int(one.steps),
+                int(variant.steps),
                 *cpu,
                 reference / max(cpu[1], 1e-9),
             )
@@ -61,8 +61,8 @@ def _peaks(comparison: xr.Dataset) -> Table:
         ("peak_relative_component", "pair", f"{axis} across {{}} [mm]"),
         ("peak_opening", "joint", "opening of {} [mm]"),
     ):
-        for place in comparison[dim].values if variable in comparison else ():
-            columns.append((words.format(place), 1e3 * comparison[variable].sel({dim: place})))
+        for point in comparison[dim].values if variable in comparison else ():
+            columns.append((words.format(point), 1e3 * comparison[variable].sel({dim: point})))
     rows: list[Row] = [
         (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
     ]
@@ -74,11 +74,11 @@ def _worst_steps(comparison: xr.Dataset) -> Table:
     """Components when a node, or a pair, is farthest from where it was."""
     rows: list[Row] = []
     for variable, dim in (("peak_displacement", "node"), ("peak_relative_displacement", "pair")):
-        for place in comparison[dim].values if variable in comparison else ():
-            for name, one in _each(comparison.sel({dim: place})):
-                vector = 1e3 * one[variable].values
-                time = float(one[f"{variable}_time"])
-                rows.append((str(place), name, *map(float, vector), float(np.linalg.norm(vector)), time))
+        for point in comparison[dim].values if variable in comparison else ():
+            for name, variant in _each(comparison.sel({dim: point})):
+                vector = 1e3 * variant[variable].values
+                time = float(variant[f"{variable}_time"])
+                rows.append((str(point), name, *map(float, vector), float(np.linalg.norm(vector)), time))
     head = ("where", "variant", "x [mm]", "y [mm]", "z [mm]", "magnitude [mm]", "at [s]")
     return Table("worst_steps", "Worst steps", "When the node, or the pair, is displaced most", head, rows)
 
@@ -86,9 +86,9 @@ def _worst_steps(comparison: xr.Dataset) -> Table:
 def _stress(comparison: xr.Dataset) -> Table:
     rows: list[Row] = []
     for stress in comparison.stress.values if "stress_peak" in comparison else ():
-        for name, one in _each(comparison.sel(stress=stress)):
-            value, time = 1e-6 * float(one.stress_peak), float(one.stress_peak_time)
-            rows.append((f"{stress} stress", name, value, str(one.stress_peak_place.values), time))
+        for name, variant in _each(comparison.sel(stress=stress)):
+            value, time = 1e-6 * float(variant.stress_peak), float(variant.stress_peak_time)
+            rows.append((f"{stress} stress", name, value, str(variant.stress_peak_place.values), time))
     head = ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]")
     return Table("stress", "Largest stresses", "Of all nodes and written times", head, rows)
 
@@ -98,7 +98,7 @@ def _to_reference(comparison: xr.Dataset) -> Table:
     reference = comparison.attrs["reference"]
     both = comparison[["l2_difference", "peak_difference"]].sel(against=reference)
     head = ("variant", *map(str, both["quantity"].values))
-    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(both) if name != reference]
+    rows: list[Row] = [(name, *_pairs(variant)) for name, variant in _each(both) if name != reference]
     note = f"Over “{reference}”: L2 / peak [%]"
     return Table("to_reference", "Difference to the reference", note, head, rows)
 
@@ -107,15 +107,17 @@ def _to_each_other(comparison: xr.Dataset) -> Table:
     """One quantity, all against all: the first pair's, else the first there is."""
     quantities = [str(name) for name in comparison["quantity"].values]
     chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
-    own = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
-    rows: list[Row] = [(name, *_pairs(one)) for name, one in _each(own)]
+    differences = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
+    rows: list[Row] = [(name, *_pairs(pair)) for name, pair in _each(differences)]
     note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
-    return Table("to_each_other", "Each against each", note, ("variant", *map(str, own.against.values)), rows)
+    return Table(
+        "to_each_other", "Each against each", note, ("variant", *map(str, differences.against.values)), rows
+    )
 
 
-def _pairs(one: xr.Dataset) -> list[str]:
+def _pairs(dataset: xr.Dataset) -> list[str]:
     """L2 and peak in percent, as text; a dash where nothing differs or nothing is known."""
-    cells = zip(100.0 * one.l2_difference.values, 100.0 * one.peak_difference.values, strict=True)
+    cells = zip(100.0 * dataset.l2_difference.values, 100.0 * dataset.peak_difference.values, strict=True)
     return [f"{l2:.2g} / {peak:.2g}" if l2 > 0.0 else "–" for l2, peak in cells]
 
 

@@ -62,7 +62,7 @@ class Case:
     def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
         """`reduce` applied to the gaps of each joint."""
         stops = np.cumsum([len(joint.area) for joint in self.joints])[:-1]
-        return np.array([reduce(part) for part in np.split(of_gaps, stops)])
+        return np.array([reduce(gaps) for gaps in np.split(of_gaps, stops)])
 
 
 @dataclass(frozen=True)

@@ -136,19 +136,21 @@ def _got(attrs: dict[str, object], name: str) -> str:
     return quote(attrs[name]) if name in attrs else "none"
 
 
-def _variable_flaws(name: str, dims: tuple[str, ...], units: str | None, found: xr.Variable) -> Iterator[str]:
+def _variable_flaws(
+    name: str, dims: tuple[str, ...], units: str | None, variable_read: xr.Variable
+) -> Iterator[str]:
     """`units` is "" for texts, and None for numbers that state none."""
-    if found.dims != dims:
-        yield f"{name} must have the dimensions {dims}, got {found.dims}"
+    if variable_read.dims != dims:
+        yield f"{name} must have the dimensions {dims}, got {variable_read.dims}"
     kinds = "OUST" if units == "" else "iu" if name in _WHOLE else "f"
-    if found.dtype.kind not in kinds:
-        yield f"{name} must hold {'texts' if units == '' else 'numbers'}, got {found.dtype}"
-    stated = found.attrs.get("units")
+    if variable_read.dtype.kind not in kinds:
+        yield f"{name} must hold {'texts' if units == '' else 'numbers'}, got {variable_read.dtype}"
+    stated = variable_read.attrs.get("units")
     if units and not (isinstance(stated, str) and stated == units):
-        yield f"{name} must have the units {units!r}, got {_got(found.attrs, 'units')}"
-    fill = found.encoding.get("_FillValue", math.nan)
+        yield f"{name} must have the units {units!r}, got {_got(variable_read.attrs, 'units')}"
+    fill = variable_read.encoding.get("_FillValue", math.nan)
     masked = units != "" and isinstance(fill, int | float | np.number) and not np.isnan(fill)
-    if masked or any(key in found.encoding for key in _PACKING):
+    if masked or any(key in variable_read.encoding for key in _PACKING):
         yield f"{name} is packed or masked"
 
 
@@ -157,9 +159,9 @@ def _missing(dataset: xr.Dataset) -> Iterator[str]:
     always = VARIABLES["ground_acceleration"].when
     there = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
     for name, variable in _KNOWN.items():
-        beside = there.get(variable.when, "every result" if variable.when is always else "")
-        if beside and name not in dataset.variables and not name.startswith(_LATER):
-            yield f"the variable {name} is missing, which stands beside {beside}"
+        companion = there.get(variable.when, "every result" if variable.when is always else "")
+        if companion and name not in dataset.variables and not name.startswith(_LATER):
+            yield f"the variable {name} is missing, which stands beside {companion}"
 
 
 def _value_flaws(dataset: xr.Dataset) -> Iterator[str]:

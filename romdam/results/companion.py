@@ -50,8 +50,8 @@ def write_companion_file(
     if made_of is not None and (there := find_companion_file(folder, about, made_of)) is not None:
         return there.name
     try:
-        with private_folder(folder) as own:
-            unnamed = own / f"{kind}.h5"
+        with private_folder(folder) as private:
+            unnamed = private / f"{kind}.h5"
             with creating(unnamed, size) as file:
                 digest = fill(file)
                 file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")

@@ -189,22 +189,22 @@ def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str
     kind, values = variable.dtype.kind, variable.values
     if kind in "OU":
         return {"dtype": "S1"} if variable.dims == (name,) else {}
-    found = {"_FillValue": None} if is_coordinate else {}
+    encoding = {"_FillValue": None} if is_coordinate else {}
     worth = kind in "iu" or (kind == "f" and 2 * np.count_nonzero(values) < values.size)
     large = values.nbytes > _PIECE
     if not (worth or large) or variable.ndim == 0 or values.size == 0:
-        return found
+        return encoding
     most = min(max(_CHUNK, values.nbytes // _CHUNKS), _PIECE) if worth else _PIECE
     rows = max(1, most * len(values) // values.nbytes)
     chunks = {"chunksizes": (min(rows, len(values)), *values.shape[1:])}
-    return found | chunks | (COMPRESSION if worth else {})
+    return encoding | chunks | (COMPRESSION if worth else {})
 
 
 def _labels_of_file(attrs: dict[Any, Any]) -> dict[Any, Any]:
     """Attributes of a file: those of its dataset, and what CF wants besides."""
-    source, made = attrs.get("source", f"romdam {romdam.__version__}"), attrs.get("date_created", _now())
+    source, created = attrs.get("source", f"romdam {romdam.__version__}"), attrs.get("date_created", _now())
     of = f" from {attrs['configuration_file']}" if "configuration_file" in attrs else ""
-    history = f"{made}: written by {source}{of}"
+    history = f"{created}: written by {source}{of}"
     about = {"source": source, "references": REFERENCES, "comment": SIGNS}
     return about | attrs | {"Conventions": CF, "history": history}
 

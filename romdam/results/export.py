@@ -46,8 +46,8 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
         write_vtu(mesh, result.blocks, folder / names[-1])
         progress(k + 1, len(times))
     path = folder / f"{stem}.pvd"
-    with replacing(path) as part:
-        part.write_text(_collection(names, times), encoding="utf-8")
+    with replacing(path) as unfinished:
+        unfinished.write_text(_collection(names, times), encoding="utf-8")
     return path
 
 
@@ -60,10 +60,10 @@ def write_vtu(mesh: meshio.Mesh, blocks: Iterable[str], path: Path) -> Path:
         f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}</DataArray>\n'
         for k, name in enumerate(blocks)
     )
-    with replacing(path) as part:
-        mesh.write(part, file_format="vtu")
-        head, found, rest = part.read_bytes().partition(b"<UnstructuredGrid>")
-        part.write_bytes(head + found + f"\n<FieldData>\n{rows}</FieldData>".encode() + rest)
+    with replacing(path) as unfinished:
+        mesh.write(unfinished, file_format="vtu")
+        head, mark, rest = unfinished.read_bytes().partition(b"<UnstructuredGrid>")
+        unfinished.write_bytes(head + mark + f"\n<FieldData>\n{rows}</FieldData>".encode() + rest)
     return path
 
 
@@ -81,11 +81,11 @@ def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
     import meshio
 
     points, cells, number, first = [], [], [], 0
-    for k, (at, element, own) in enumerate(blocks):
+    for k, (at, element, cell_nodes) in enumerate(blocks):
         points.append(at)
         kinds = [
             (ELEMENTS[kind.linear] if kind.name in _CORNERS_ONLY else kind, rows, nodes)
-            for kind, rows, nodes in kinds_of(element, own)
+            for kind, rows, nodes in kinds_of(element, cell_nodes)
         ]
         cells += [(kind.cell.name, nodes[:, : kind.cell.nodes] + first) for kind, _, nodes in kinds]
         number += [np.full(len(nodes), k, dtype=np.int32) for _, _, nodes in kinds]
@@ -110,12 +110,12 @@ def _mesh(result: Result) -> meshio.Mesh:
 
 def _fields(result: Result, time: float) -> dict[str, Floats]:
     moved = [result.displacement(name, times=time).values[0] for name in result.blocks]
-    found = {"displacement": np.concatenate(moved)}
+    fields = {"displacement": np.concatenate(moved)}
     if "stress_file" in result.dataset.attrs:
-        found["stress"] = _spread(
+        fields["stress"] = _spread(
             result, {b: result.stress(b, times=time).values[0] for b in _stressed(result)}
         )
-    return found
+    return fields
 
 
 def _stressed(result: Result) -> list[str]:

@@ -113,28 +113,30 @@ def read_measured(path: Path, modes: int) -> list[MeasuredMode]:
         )
     if not rows:
         raise ResultError(f"{path}: has no measured mode, at least 1 is needed; add a row for each")
-    found = [_measured(row, f"{path}: row {line}") for line, row in rows]
-    _refuse_wrong_modes(found, modes, path)
-    return found
+    measured = [_measured(row, f"{path}: row {line}") for line, row in rows]
+    _refuse_wrong_modes(measured, modes, path)
+    return measured
 
 
-def _measured(row: Mapping[str, str | None], place: str) -> MeasuredMode:
+def _measured(row: Mapping[str, str | None], location: str) -> MeasuredMode:
     if None in row:
-        raise ResultError(f"{place} has more values than there are columns; remove some, or name them")
-    given = {key.strip(): (value or "").strip() for key, value in row.items()}
-    frequency = _number(given["frequency"], f"{place}: frequency [Hz]", 0.0, 1e4)
-    mode, direction = given.get("mode", ""), given.get("direction", "").lower()
+        raise ResultError(f"{location} has more values than there are columns; remove some, or name them")
+    texts = {key.strip(): (value or "").strip() for key, value in row.items()}
+    frequency = _number(texts["frequency"], f"{location}: frequency [Hz]", 0.0, 1e4)
+    mode, direction = texts.get("mode", ""), texts.get("direction", "").lower()
     if mode and not (mode.isascii() and mode.isdecimal()):
         raise ResultError(
-            f"{place}: mode is a whole number from 1, got {mode!r}; correct it, or leave it out"
+            f"{location}: mode is a whole number from 1, got {mode!r}; correct it, or leave it out"
         )
     if direction and direction not in AXES:
-        raise ResultError(f"{place}: direction is x, y or z, got {direction!r}; correct it, or leave it out")
-    damping = given.get("damping", "")
+        raise ResultError(
+            f"{location}: direction is x, y or z, got {direction!r}; correct it, or leave it out"
+        )
+    damping = texts.get("damping", "")
     return MeasuredMode(
-        name=given.get("name", "") or f"{frequency:g} Hz",
+        name=texts.get("name", "") or f"{frequency:g} Hz",
         frequency=frequency,
-        damping=_number(damping, f"{place}: damping ratio", 0.0, 1.0) if damping else float("nan"),
+        damping=_number(damping, f"{location}: damping ratio", 0.0, 1.0) if damping else float("nan"),
         mode=int(mode) if mode else None,
         direction=AXES.index(direction) if direction else None,
     )
@@ -150,12 +152,12 @@ def _number(text: str, what: str, above: float, below: float) -> float:
     return value
 
 
-def _refuse_wrong_modes(found: list[MeasuredMode], modes: int, path: Path) -> None:
-    if len(found) > modes:
+def _refuse_wrong_modes(measured: list[MeasuredMode], modes: int, path: Path) -> None:
+    if len(measured) > modes:
         raise ResultError(
-            f"{path}: has {len(found)} measured modes, and {modes} are computed; ask for more with -n"
+            f"{path}: has {len(measured)} measured modes, and {modes} are computed; ask for more with -n"
         )
-    stated = [one.mode for one in found if one.mode is not None]
+    stated = [measured_mode.mode for measured_mode in measured if measured_mode.mode is not None]
     for mode in stated:
         if not 1 <= mode <= modes or stated.count(mode) > 1:
             raise ResultError(
@@ -166,8 +168,8 @@ def _refuse_wrong_modes(found: list[MeasuredMode], modes: int, path: Path) -> No
 
 def add_measured(dataset: xr.Dataset, measured: list[MeasuredMode], numbers: Ints) -> xr.Dataset:
     """The dataset with the measured modes and the number of the computed one that each is compared with."""
-    freq = np.array([one.frequency for one in measured])
-    ratio = np.array([one.damping for one in measured])
+    freq = np.array([mode.frequency for mode in measured])
+    ratio = np.array([mode.damping for mode in measured])
     computed = dataset.frequency.sel(mode=numbers).values
     table = {
         "measured_frequency": (freq, "Hz", "measured natural frequency"),
@@ -179,5 +181,5 @@ def add_measured(dataset: xr.Dataset, measured: list[MeasuredMode], numbers: Int
         name: xr.Variable(("measured",), values, {"units": unit, "long_name": text})
         for name, (values, unit, text) in table.items()
     }
-    names = ("measured", [one.name for one in measured], {"long_name": "name of the measured mode"})
+    names = ("measured", [mode.name for mode in measured], {"long_name": "name of the measured mode"})
     return dataset.assign(variables).assign_coords(measured=names)

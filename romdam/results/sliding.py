@@ -71,7 +71,7 @@ def sliding_warnings(case: Case) -> list[str]:
     """Write a sentence for each joint that still slides while its residual slip is averaged."""
     if not _carries_shear(case):
         return []
-    last, found, first = case.history.time >= case.history.time[-1] - REST, [], 0
+    last, sentences, first = case.history.time >= case.history.time[-1] - REST, [], 0
     slip, residual = _slip(case)[last], _residual(case)
     farthest = np.linalg.norm(slip - slip.mean(axis=0), axis=-1).max(axis=0)
     for number, (name, joint) in enumerate(case.scene.joints.items()):
@@ -79,13 +79,13 @@ def sliding_warnings(case: Case) -> list[str]:
         slides = (case.history.state[last, gaps] == SLIP).any()
         if slides and farthest[number] > _RESTS * residual[number]:
             size = 1e3 * np.linalg.norm(slip[:, number], axis=1)
-            found.append(
+            sentences.append(
                 f"joint {name} still slides in the last {REST:g} s of the run: its slip there is "
                 f"{size.min():.3g} to {size.max():.3g} mm, and the residual slip of "
                 f"{1e3 * residual[number]:.3g} mm, their mean, is not what is left; give a longer "
                 "transient.duration, or a record that ends at rest"
             )
-    return found
+    return sentences
 
 
 UNDEFINED = ("joint_shear_strength", "sliding_safety_factor")  # may be no numbers

@@ -62,14 +62,14 @@ class StoredRun:
         ResultError
             where the attributes that tell them are no steps, or the file is of before they were all told.
         """
-        told = {name: self.attributes.get(name) for name in ("solver_finest_step", "solver_base_step")}
-        for name, value in told.items():
+        stated = {name: self.attributes.get(name) for name in ("solver_finest_step", "solver_base_step")}
+        for name, value in stated.items():
             if not (isinstance(value, float) and 0.0 < value < math.inf):
                 raise ResultError(
                     f"{self.path}: its attribute {name} must be a step in seconds, got "
                     f"{'none' if value is None else value}; run the configuration again"
                 )
-        finest, base = (float(str(value)) for value in told.values())
+        finest, base = (float(str(value)) for value in stated.values())
         return finest, base
 
     def refuse_other(self, position: Floats, unknowns: int) -> None:

@@ -29,7 +29,7 @@ def write_sliding(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
 
 def write_csv(head: Sequence[str], rows: Iterable[Sequence[object]], path: Path) -> Path:
     """Write a table whole or not at all; no text of it is a formula to a spreadsheet."""
-    with replacing(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(map(plain_cell, head))
         writer.writerows(map(plain_cell, row) for row in rows)

@@ -63,7 +63,7 @@ def print_document(command: str, document: Document) -> None:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {str(key): _plain(one) for key, one in value.items()}
+        return {str(key): _plain(member) for key, member in value.items()}
     if isinstance(value, str | bool | int | None):
         return value
     if hasattr(value, "tolist"):  # of NumPy
@@ -71,23 +71,23 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Sequence):
-        return [_plain(one) for one in value]
+        return [_plain(member) for member in value]
     return str(value)
 
 
-def check_document(found: Check, config: Path) -> Document:
+def check_document(check: Check, config: Path) -> Document:
     """A job that was checked."""
     return {
         "configuration": config,
         "valid": True,
-        "unknowns": found.unknowns,
-        "integration_s": found.costs.get("integration"),
-        "whole_run_s": found.seconds,
-        "costs_s": found.costs,
-        "memory_bytes": found.memory,
-        "results_bytes": found.file_size,
-        "frequencies_closed_Hz": found.closed_frequencies,
-        "blocks": {name: _renamed(_OF_A_BLOCK, block) for name, block in found.blocks.items()},
+        "unknowns": check.unknowns,
+        "integration_s": check.costs.get("integration"),
+        "whole_run_s": check.seconds,
+        "costs_s": check.costs,
+        "memory_bytes": check.memory,
+        "results_bytes": check.file_size,
+        "frequencies_closed_Hz": check.closed_frequencies,
+        "blocks": {name: _renamed(_OF_A_BLOCK, block) for name, block in check.blocks.items()},
         "joints": {
             name: {
                 "between": str(joint["between"]).split(" - "),
@@ -96,10 +96,10 @@ def check_document(found: Check, config: Path) -> Document:
                 "friction": joint["friction"],
                 "water_N": joint["water"],
             }
-            for name, joint in found.joints.items()
+            for name, joint in check.joints.items()
         },
         "ties": {
-            name: {**tie, "between": str(tie["between"]).split(" - ")} for name, tie in found.ties.items()
+            name: {**tie, "between": str(tie["between"]).split(" - ")} for name, tie in check.ties.items()
         },
         "records": {
             name: {
@@ -108,11 +108,11 @@ def check_document(found: Check, config: Path) -> Document:
                 "peak_acceleration_m_s2": record["peak_acceleration"],
                 "steps": record["steps"],
             }
-            for name, record in found.records.items()
+            for name, record in check.records.items()
         },
-        "without_factors": found.solvers,
-        "warnings": found.warnings,
-        "not_checked": found.skipped,
+        "without_factors": check.solvers,
+        "warnings": check.warnings,
+        "not_checked": check.skipped,
     }
 
 
@@ -162,14 +162,18 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
 def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
     from romdam.postprocess.maxima import peak_opening_time
 
-    own = dataset.sel(joint=joint)
-    found = {key: own[name].item() for name, key in _OF_A_JOINT.items() if name in own and not own[name].dims}
-    return found | {_OF_A_JOINT["peak_opening_time"]: peak_opening_time(dataset, joint)}
+    of_joint = dataset.sel(joint=joint)
+    document = {
+        key: of_joint[name].item()
+        for name, key in _OF_A_JOINT.items()
+        if name in of_joint and not of_joint[name].dims
+    }
+    return document | {_OF_A_JOINT["peak_opening_time"]: peak_opening_time(dataset, joint)}
 
 
 def _numbers(attrs: Mapping[str, Any], prefix: str) -> Document:
-    found = {name.removeprefix(prefix): value for name, value in attrs.items() if name.startswith(prefix)}
-    return {name: value for name, value in found.items() if not isinstance(value, str)}
+    numbers = {name.removeprefix(prefix): value for name, value in attrs.items() if name.startswith(prefix)}
+    return {name: value for name, value in numbers.items() if not isinstance(value, str)}
 
 
 def _json(attrs: Mapping[str, Any], name: str) -> Any:
@@ -177,15 +181,15 @@ def _json(attrs: Mapping[str, Any], name: str) -> Any:
     return json.loads(str(attrs[name])) if str(attrs.get(name, "")).startswith("{") else None
 
 
-def certificate_document(found: Certified, result: Path) -> Document:
+def certificate_document(certified: Certified, result: Path) -> Document:
     """An error that was certified; keys without a unit are those of the file that is written."""
-    stated = {_IN_SI.get(name, name): value for name, value in found.statement.document.items()}
-    return {**stated, "result": result, "written": [found.path]}
+    stated = {_IN_SI.get(name, name): value for name, value in certified.statement.document.items()}
+    return {**stated, "result": result, "written": [certified.path]}
 
 
-def comparison_document(found: TwoResults, beyond: Sequence[str]) -> Document:
+def comparison_document(compared: TwoResults, beyond: Sequence[str]) -> Document:
     """Two results compared."""
-    dataset = found.dataset
+    dataset = compared.dataset
     first, second = dataset.variant.values.tolist()
     return {
         "first": first,
@@ -194,29 +198,29 @@ def comparison_document(found: TwoResults, beyond: Sequence[str]) -> Document:
         "to_s": dataset.time[-1].item(),
         "quantities": {
             str(name): {
-                "places": one.places.item(),
-                "first_peak_m": one.peak.sel(variant=first).item(),
-                "second_peak_m": one.peak.sel(variant=second).item(),
-                "l2_difference": one.l2_difference.item(),
-                "peak_difference": one.peak_difference.item(),
-                "late_s": one.phase.item(),
+                "places": difference.places.item(),
+                "first_peak_m": difference.peak.sel(variant=first).item(),
+                "second_peak_m": difference.peak.sel(variant=second).item(),
+                "l2_difference": difference.l2_difference.item(),
+                "peak_difference": difference.peak_difference.item(),
+                "late_s": difference.phase.item(),
             }
             for name in dataset["quantity"].values
-            for one in [dataset.sel(quantity=name)]
+            for difference in [dataset.sel(quantity=name)]
         },
         "beyond_tolerance": beyond,
-        "written": found.paths,
+        "written": compared.paths,
     }
 
 
-def cache_document(found: Sequence[Entry], folder: Path, limit: float | None) -> Document:
+def cache_document(kept: Sequence[Entry], folder: Path, limit: float | None) -> Document:
     """Reduced blocks that are kept; those that were removed where there is no limit."""
     return {
         "folder": folder,
         "removed": limit is None,
-        "bytes": sum(entry.size for entry in found),
+        "bytes": sum(entry.size for entry in kept),
         "limit_bytes": limit,
-        "blocks": [{"path": entry.path, "bytes": entry.size, "used": _utc(entry.used)} for entry in found],
+        "blocks": [{"path": entry.path, "bytes": entry.size, "used": _utc(entry.used)} for entry in kept],
     }
 
 

@@ -20,16 +20,16 @@ if TYPE_CHECKING:
     from romdam.reduction.storage.user_cache import Entry
 
 
-def check_lines(found: Check) -> list[str]:
+def check_lines(check: Check) -> list[str]:
     """Frequencies and cost of a job that was checked, its warnings, and what is left to a run."""
-    closed = ", ".join(f"{freq:.4g}" for freq in found.closed_frequencies)
+    closed = ", ".join(f"{freq:.4g}" for freq in check.closed_frequencies)
     return [
         *([f"joints closed: {closed} Hz, undamped"] if closed else []),
-        *found.solvers,
-        f"{found.unknowns} unknowns; {_time(found.costs, found.seconds)}, "
-        f"{found.memory / 1e6:.0f} MB of memory, up to {found.file_size / 1e6:.0f} MB of results",
-        *(f"warning: {text}" for text in found.warnings),
-        *(f"not checked: {text}" for text in found.skipped),
+        *check.solvers,
+        f"{check.unknowns} unknowns; {_time(check.costs, check.seconds)}, "
+        f"{check.memory / 1e6:.0f} MB of memory, up to {check.file_size / 1e6:.0f} MB of results",
+        *(f"warning: {text}" for text in check.warnings),
+        *(f"not checked: {text}" for text in check.skipped),
     ]
 
 
@@ -54,22 +54,22 @@ def failure_lines(outcome: SuiteOutcome) -> list[str]:
     return [*lines, f"{failed} of {outcome.runs} runs failed"] if lines else []
 
 
-def clean_lines(found: Cleaned, removed: bool) -> list[str]:
+def clean_lines(cleaned: Cleaned, removed: bool) -> list[str]:
     """List what of a suite's folder is of no run of its design."""
     does = "removed" if removed else "would be removed"
-    lines = [f"{does}: {path}" for path in found.files]
-    lines += [f"left, romdam did not write it so: {path}" for path in found.kept]
-    lines.append(f"{does}: {len(found.files)} files, {found.size / 1e6:.1f} MB, and {found.rows} rows")
-    return lines if removed or not (found.files or found.rows) else [*lines, "--remove removes them"]
+    lines = [f"{does}: {path}" for path in cleaned.files]
+    lines += [f"left, romdam did not write it so: {path}" for path in cleaned.kept]
+    lines.append(f"{does}: {len(cleaned.files)} files, {cleaned.size / 1e6:.1f} MB, and {cleaned.rows} rows")
+    return lines if removed or not (cleaned.files or cleaned.rows) else [*lines, "--remove removes them"]
 
 
-def cache_lines(found: list[Entry], folder: Path, limit: float | None) -> list[str]:
+def cache_lines(kept: list[Entry], folder: Path, limit: float | None) -> list[str]:
     """List reduced blocks that are kept, up to a limit in bytes, or sum up those that were removed."""
-    size = shown_size(sum(entry.size for entry in found))
+    size = shown_size(sum(entry.size for entry in kept))
     if limit is None:
-        return [f"removed: {len(found)} reduced blocks, {size}, from {folder}"]
-    lines = [f"{_date(entry.used)}  {shown_size(entry.size):>7}  {entry.path}" for entry in found]
-    return [*lines, f"{len(found)} reduced blocks, {size} of at most {shown_size(limit)}, in {folder}"]
+        return [f"removed: {len(kept)} reduced blocks, {size}, from {folder}"]
+    lines = [f"{_date(entry.used)}  {shown_size(entry.size):>7}  {entry.path}" for entry in kept]
+    return [*lines, f"{len(kept)} reduced blocks, {size} of at most {shown_size(limit)}, in {folder}"]
 
 
 def _date(seconds: float) -> str:
@@ -149,12 +149,12 @@ def _of_the_run(dataset: xr.Dataset) -> str:
     """State what `romdam check` leaves to the run: convergence, the ledger, what time stepping took."""
     attrs = dataset.attrs
     residual, ledger = (attrs.get(f"solver_{name}") for name in ("largest_residual", "ledger_imbalance"))
-    told = [
+    lines = [
         "" if residual is None else f"every step converged, residual at most {float(str(residual)):.2g}",
         "" if ledger is None else f"energy ledger closed within {float(str(ledger)):.2g} of the energy",
         _taken(dataset),
     ]
-    return "; ".join(filter(None, told)) or "not stated by the version that wrote it"
+    return "; ".join(filter(None, lines)) or "not stated by the version that wrote it"
 
 
 def _taken(dataset: xr.Dataset) -> str:
@@ -192,7 +192,7 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
         *_water_lines(dataset),
         *(f"warning        {text}" for text in stated_warnings(attrs)),
     ]
-    return [one_line(one) for one in lines]  # a text of the file makes no line of its own
+    return [one_line(line) for line in lines]  # a text of the file makes no line of its own
 
 
 def _water_lines(dataset: xr.Dataset) -> list[str]:

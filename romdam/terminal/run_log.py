@@ -63,11 +63,11 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
         where the folder takes no file.
     """
     path = _new_file(prepare_folder(folder), config.stem[:_LONGEST])
-    file, own, root = _File(path, encoding="utf-8"), logging.getLogger("romdam"), logging.getLogger()
+    file, logger, root = _File(path, encoding="utf-8"), logging.getLogger("romdam"), logging.getLogger()
     file.setFormatter(_Line())
-    before = own.level, root.level
+    before = logger.level, root.level
     root.addHandler(file)
-    own.setLevel(logging.DEBUG)  # its begun stages; the terminal has a filter of its own
+    logger.setLevel(logging.DEBUG)  # its begun stages; the terminal has a filter of its own
     root.setLevel(min(root.level, logging.WARNING))
     logging.captureWarnings(True)
     begun, code = (time.perf_counter(), time.process_time()), 0
@@ -84,7 +84,7 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
         wall, cpu = time.perf_counter() - begun[0], time.process_time() - begun[1]
         SAID.debug("ended with exit code %d after %.2f s wall, %.2f s CPU", code, wall, cpu)
         logging.captureWarnings(False)
-        own.setLevel(before[0])
+        logger.setLevel(before[0])
         root.setLevel(before[1])
         root.removeHandler(file)
         file.close()

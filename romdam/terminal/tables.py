@@ -86,28 +86,32 @@ def stress_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     """Stress of every named face, a table for each record that has any."""
     from romdam.postprocess.maxima import FACE_HEAD, face_rows
 
-    made = []
+    tables = []
     for record, dataset in results.items():
         rows = face_rows(dataset)
         table = _table(f"Major principal stress, {record}", FACE_HEAD[:1], FACE_HEAD[1:])
         for row in rows:
             table.add_row(*row)
-        made += [table] if rows else []
-    return made
+        tables += [table] if rows else []
+    return tables
 
 
 def comparison_tables(tables: Sequence[VariantTable]) -> list[Table]:
     """The tables of a comparison that suit a terminal; its page has all."""
-    shown = ("cost", "peaks", "stress", "to_reference")
-    return [variant_table(one) for one in tables if one.name in shown]
+    names = ("cost", "peaks", "stress", "to_reference")
+    return [variant_table(table) for table in tables if table.name in names]
 
 
-def variant_table(one: VariantTable) -> Table:
+def variant_table(table_data: VariantTable) -> Table:
     """A table of a comparison."""
     from romdam.postprocess.variant_tables import shown_cell
 
-    table = _table(f"{one.title}. {one.note}" if one.note else one.title, one.head[:1], one.head[1:])
-    for row in one.rows:
+    table = _table(
+        f"{table_data.title}. {table_data.note}" if table_data.note else table_data.title,
+        table_data.head[:1],
+        table_data.head[1:],
+    )
+    for row in table_data.rows:
         table.add_row(*map(shown_cell, row))
     return table
 
@@ -121,12 +125,12 @@ def modes_table(dataset: xr.Dataset) -> Table:
     table = _table(f"Modes, joints {dataset.attrs['joints']}", ("mode",), tuple(head))
     shares = 100.0 * dataset.effective_mass / dataset.total_mass
     for mode in dataset.mode.values:
-        one, share = dataset.sel(mode=mode), shares.sel(mode=mode).values
-        freq, ratio = float(one.frequency), float(one.damping_ratio)
-        row = [f"{freq:.4f}", *([f"{float(one.dry_frequency):.4f}"] if dry else [])]
+        shape, share = dataset.sel(mode=mode), shares.sel(mode=mode).values
+        freq, ratio = float(shape.frequency), float(shape.damping_ratio)
+        row = [f"{freq:.4f}", *([f"{float(shape.dry_frequency):.4f}"] if dry else [])]
         row.append(f"{1.0 / freq:.4f}" if freq > 0.0 else "rigid motion")
         row.append(f"{100.0 * ratio:.2f}" if isfinite(ratio) else "-")
-        row += [f"{value:.3f}" for value in one.participation_factor.values.round(3) + 0.0]  # no -0.000
+        row += [f"{value:.3f}" for value in shape.participation_factor.values.round(3) + 0.0]  # no -0.000
         table.add_row(str(mode), *row, *(f"{value:.2f}" for value in share))
     sums = (f"{value:.2f}" for value in shares.sum("mode").values)
     table.add_row("sum", *[""] * (len(head) - len(axes)), *sums)
@@ -143,45 +147,45 @@ def measured_table(dataset: xr.Dataset) -> Table:
         ("measured [Hz]", "mode", "computed [Hz]", "difference [%]", "damping measured [%]", "computed [%]"),
     )
     for name in dataset.measured.values:
-        one = dataset.sel(measured=name)
-        own = dataset.sel(mode=int(one.measured_mode))
-        ratios = (float(one.measured_damping_ratio), float(own.damping_ratio))
+        mode = dataset.sel(measured=name)
+        matched = dataset.sel(mode=int(mode.measured_mode))
+        ratios = (float(mode.measured_damping_ratio), float(matched.damping_ratio))
         table.add_row(
             str(name),
-            f"{float(one.measured_frequency):.4f}",
-            str(int(own.mode)),
-            f"{float(own.frequency):.4f}",
-            f"{100.0 * float(one.frequency_difference):+.2f}",
+            f"{float(mode.measured_frequency):.4f}",
+            str(int(matched.mode)),
+            f"{float(matched.frequency):.4f}",
+            f"{100.0 * float(mode.frequency_difference):+.2f}",
             *(f"{100.0 * ratio:.2f}" if ratio == ratio else "-" for ratio in ratios),
         )
     return table
 
 
-def check_tables(found: Check) -> list[Table]:
+def check_tables(check: Check) -> list[Table]:
     """Blocks, joints, ties and records of a job that was checked."""
     blocks = _table(
         "Blocks",
         ("block", "element"),
         ("nodes", "cells", "free DOFs", "retained DOFs", "modes", "joints open [Hz]"),
     )
-    for name, block in found.blocks.items():
+    for name, block in check.blocks.items():
         lowest = block.get("frequencies_hz", [])
-        shown = ", ".join(f"{f:.4g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
+        frequencies = ", ".join(f"{f:.4g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
         counts = (
             block.get(key, "-")
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
         )
-        blocks.add_row(name, str(block["element"]), *map(str, counts), shown)
+        blocks.add_row(name, str(block["element"]), *map(str, counts), frequencies)
     joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction [-]", "water [N]"))
-    for name, joint in found.joints.items():
+    for name, joint in check.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
     ties = _table("Ties", ("tie", "between"), ("nodes", "discretization"))
-    for name, tie in found.ties.items():
+    for name, tie in check.ties.items():
         ties.add_row(name, *map(str, tie.values()))
     records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
-    for name, record in found.records.items():
+    for name, record in check.records.items():
         records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))
-    return [blocks, joints, *([ties] if found.ties else []), records]
+    return [blocks, joints, *([ties] if check.ties else []), records]
 
 
 def _scale_unit(summary: xr.Dataset) -> tuple[str, float]:
@@ -223,7 +227,7 @@ def certificate_table(statement: Mapping[str, Any]) -> Table:
 def _interval_table(within: Mapping[str, Any]) -> Table:
     table = _table("Certificate, from a sample", ("quantity",), ("error L2 [%]", "at the peak [%]"))
     for name, error in within.items():
-        table.add_row(name, *(" to ".join(f"{100 * v:.2g}" for v in error[one]) for one in ("l2", "peak")))
+        table.add_row(name, *(" to ".join(f"{100 * v:.2g}" for v in error[norm]) for norm in ("l2", "peak")))
     return table
 
 
@@ -241,4 +245,4 @@ class _Plain(Table):
 
     def add_row(self, *cells: RenderableType | None, **options: Any) -> None:
         """Add a row."""
-        super().add_row(*(one_line(one) if isinstance(one, str) else one for one in cells), **options)
+        super().add_row(*(one_line(cell) if isinstance(cell, str) else cell for cell in cells), **options)

@@ -14,12 +14,12 @@ _MOST = 20  # files of a folder within the folder that are listed one by one
 
 def seen(folder: Path) -> Seen:
     """Content of a folder and of its folders: path -> number, time of change and size of each file."""
-    found = {}
+    stats = {}
     for path in (*folder.glob("[!.]*"), *folder.glob("[!.]*/[!.]*")):
         if path.is_file():
             about = path.stat()
-            found[path] = (about.st_ino, about.st_mtime_ns, about.st_size)
-    return found
+            stats[path] = (about.st_ino, about.st_mtime_ns, about.st_size)
+    return stats
 
 
 def written_lines(folder: Path, before: Seen) -> Iterator[str]:
@@ -32,9 +32,9 @@ def written_lines(folder: Path, before: Seen) -> Iterator[str]:
             yield f"written: {path}"
         else:
             inner.setdefault(path.parent, []).append(path)
-    for place, paths in sorted(inner.items()):
+    for parent, paths in sorted(inner.items()):
         if len(paths) > _MOST:
             size = shown_size(sum(now[path][2] for path in paths))
-            yield f"written: {place}, {len(paths)} files, {size}"
+            yield f"written: {parent}, {len(paths)} files, {size}"
         else:
             yield from (f"written: {path}" for path in paths)

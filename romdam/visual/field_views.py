@@ -90,15 +90,17 @@ def draw_side_by_side(results: Mapping[str, Result], axis: str, folder: Path, st
     """
     if not results:
         return {}
-    times = {name: worst_displacement_time(one) for name, one in results.items()}
-    fields = {name: _displacement(one, times[name], axis) for name, one in results.items()}
+    times = {name: worst_displacement_time(result) for name, result in results.items()}
+    fields = {name: _displacement(result, times[name], axis) for name, result in results.items()}
     path = folder / f"{stem}-field_displacement.png"
     paths = {"field_displacement": _draw_each(results, fields, times, path)}
     for kind in ("principal", "vertical"):
-        name, datasets = f"field_{kind}_stress", [one.dataset for one in results.values()]
-        if all(_has_numbers(one, f"worst_{kind}_stress") for one in datasets):
-            times = {key: float(one.dataset[f"worst_{kind}_time"]) for key, one in results.items()}
-            fields = {key: _stress(one, f"worst_{kind}_stress", times[key]) for key, one in results.items()}
+        name, datasets = f"field_{kind}_stress", [result.dataset for result in results.values()]
+        if all(_has_numbers(result, f"worst_{kind}_stress") for result in datasets):
+            times = {key: float(result.dataset[f"worst_{kind}_time"]) for key, result in results.items()}
+            fields = {
+                key: _stress(result, f"worst_{kind}_stress", times[key]) for key, result in results.items()
+            }
             paths[name] = _draw_each(results, fields, times, folder / f"{stem}-{name}.png")
     return paths
 
@@ -131,8 +133,8 @@ def write_animation(result: Result, folder: Path, stem: str, frames: Frames, pro
         images.append(PillowImage.fromarray(picture.image()))
         progress(k + 1, len(times))
     path = folder / f"{stem}-motion.gif"
-    with replacing(path) as part:
-        images[0].save(part, format="GIF", save_all=True, append_images=images[1:], duration=80, loop=0)
+    with replacing(path) as unfinished:
+        images[0].save(unfinished, format="GIF", save_all=True, append_images=images[1:], duration=80, loop=0)
     return path
 
 
@@ -149,24 +151,26 @@ def _displacement(result: Result, time: float, axis: str | None = None) -> _Fiel
 def _stress(result: Result, variable: str, time: float | None) -> _Field:
     """A stress variable on the blocks that have it; undeformed where it belongs to no one time."""
     dataset = result.dataset
-    found, moved = {}, {}
+    values_of, moved = {}, {}
     for name in dict.fromkeys(dataset.stress_block.values.tolist()):
-        own = dataset.stress_block.values == name
+        of_block = dataset.stress_block.values == name
         values = np.full(len(result.points(name)), np.nan)
-        values[dataset.stress_node_number.values[own]] = dataset[variable].values[own]
-        found[name] = values
+        values[dataset.stress_node_number.values[of_block]] = dataset[variable].values[of_block]
+        values_of[name] = values
         at = None if time is None else result.displacement(name, times=time).values[0]
         moved[name] = np.zeros((len(values), 3)) if at is None else at
     label = str(dataset[variable].attrs["long_name"]).split(" at worst")[0].split(" (")[0]
     unit = str(dataset[variable].attrs["units"])
-    return _Field(found, moved, "" if unit == "1" else unit, label, "viridis" if time is None else _SIGNED)
+    return _Field(
+        values_of, moved, "" if unit == "1" else unit, label, "viridis" if time is None else _SIGNED
+    )
 
 
 def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path:
     """Two sides of the field's blocks, with a colour bar."""
     whole = np.concatenate(list(field.values.values()))
-    shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
-    norm, beyond = _norm(shown, field)
+    in_unit, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), field.unit)
+    norm, beyond = _norm(in_unit, field)
     largest = max(float(np.linalg.norm(u, axis=1).max()) for u in field.moved.values())
     scale = magnification(result, largest)
     field_scaled = _Field(
@@ -177,7 +181,7 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
         name: _view(result, field_scaled, bounds, direction, scale, norm).image()
         for name, direction in _sides(result).items()
     }
-    when = f", largest {float(shown.max()):.3g} {unit}".rstrip()
+    when = f", largest {float(in_unit.max()):.3g} {unit}".rstrip()
     when += "" if time is None else f", at {time:.2f} s, shape x {scale:g}"
     with mpl.rc_context(STYLE):
         figure, axes = image_panels(images, f"{field.label}{when}  ·  {result.dataset.attrs['record']}")
@@ -194,19 +198,19 @@ def _draw_each(
     name, result = next(iter(results.items()))
     first, record = fields[name], result.dataset.attrs["record"]
     whole = np.concatenate([v for field in fields.values() for v in field.values.values()])
-    shown, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
-    norm, beyond = _norm(shown, first)
+    in_unit, factor, unit = scaled(xr.DataArray(whole[np.isfinite(whole)]), first.unit)
+    norm, beyond = _norm(in_unit, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
     scale = magnification(result, float(largest))
     bounds = _moved_bounds(result, first, scale)
     direction = _across_the_narrow_side(bounds)
     panels: dict[str, Image] = {}
     for name, result in results.items():
-        own = {block: values * factor for block, values in fields[name].values.items()}
-        low, high = (f(np.concatenate(list(own.values()))) for f in (np.nanmin, np.nanmax))
+        in_unit_of = {block: values * factor for block, values in fields[name].values.items()}
+        low, high = (f(np.concatenate(list(in_unit_of.values()))) for f in (np.nanmin, np.nanmax))
         picture = _view(
             result,
-            replace(fields[name], values=own),
+            replace(fields[name], values=in_unit_of),
             bounds,
             direction,
             scale,
@@ -253,16 +257,16 @@ def _across_the_narrow_side(bounds: Bounds) -> Floats:
     return ahead if long_x >= long_y else ahead[[1, 0, 2]]
 
 
-def _norm(shown: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
+def _norm(values: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
     """Range of the colours, and at which ends values go beyond it.
 
     Stress grows without limit at re-entrant corners as the mesh is refined: the highest percent at each end
     is cut off, so that the rest can be seen; the title says how far it goes. Zero is always within.
     """
-    low, high = float(shown.min()), float(shown.max())
+    low, high = float(values.min()), float(values.max())
     if field.unit == "m" or not field.label:
         return Normalize(min(0.0, low), high), "neither"
-    first, last = (float(x) for x in np.quantile(shown.values, (1.0 - _SHARE, _SHARE)))
+    first, last = (float(x) for x in np.quantile(values.values, (1.0 - _SHARE, _SHARE)))
     norm = Normalize(min(0.0, first), max(0.0, last))
     ends = {(True, True): "both", (True, False): "min", (False, True): "max"}
     return norm, ends.get((low < min(0.0, first), high > max(0.0, last)), "neither")

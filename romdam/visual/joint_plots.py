@@ -38,9 +38,9 @@ def component_panels(
     figure, axes = new_figure(rows=max(1, len(moving)), height=2.3)
     for ax, (name, component) in zip(axes, moving.items(), strict=False):
         values, _, unit = scaled(component, "m")
-        for k, place in enumerate(values[dim].values):
+        for k, joint in enumerate(values[dim].values):
             colour, ls = COLOURS[k % len(COLOURS)], LINES[k // len(COLOURS) % len(LINES)]
-            ax.plot(values.time, values.sel({dim: place}), color=colour, ls=ls, lw=0.9, label=str(place))
+            ax.plot(values.time, values.sel({dim: joint}), color=colour, ls=ls, lw=0.9, label=str(joint))
         ax.set_ylabel(f"{what}\n{name} [{unit}]")
         ax.axhline(0.0, color=GREY, lw=0.5, zorder=0)
     legend_below(figure, axes[:1])
@@ -72,13 +72,13 @@ def joint_slip(dataset: xr.Dataset) -> Figure | None:
     )
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
     for ax, name in zip(axes, names, strict=True):
-        own = values[:, joints == name]
-        ax.fill_between(own.time, own.min("gap"), own.max("gap"), color=COLOURS[0], alpha=0.25, lw=0)
-        ax.plot(own.time, own.max("gap"), color=COLOURS[0], lw=0.9, label="largest slip")
-        most = own.max("gap")
+        slip = values[:, joints == name]
+        ax.fill_between(slip.time, slip.min("gap"), slip.max("gap"), color=COLOURS[0], alpha=0.25, lw=0)
+        ax.plot(slip.time, slip.max("gap"), color=COLOURS[0], lw=0.9, label="largest slip")
+        most = slip.max("gap")
         at = most[int(most.values.argmax())]
         peak = factor * float(dataset.peak_slip.sel(joint=name))
-        mark_point(ax, own, (float(at.time), float(at)), f"{peak:.3g} {unit} near {float(at.time):.2f} s")
+        mark_point(ax, slip, (float(at.time), float(at)), f"{peak:.3g} {unit} near {float(at.time):.2f} s")
         ax.set_ylabel(f"{name}\nslip [{unit}]")
     return finish(
         figure, axes, dataset, "Slip: the gap that slips most (line) and range over the joint (band)"

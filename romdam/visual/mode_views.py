@@ -40,8 +40,8 @@ def draw_modes(scene: Scene, dataset: xr.Dataset, path: Path) -> Path:
     bounds = low - scale, high + scale
     panels = {}
     for mode in dataset.mode.values[:_DRAWN]:
-        one = dataset.sel(mode=mode)
-        panels[_title(one)] = _view(scene, dam, one, scale, bounds)
+        shape = dataset.sel(mode=mode)
+        panels[_title(shape)] = _view(scene, dam, shape, scale, bounds)
     with mpl.rc_context(STYLE):
         title = f"{dataset.attrs['title']}  ·  joints {dataset.attrs['joints']}"
         figure, axes = image_grid(panels, title)

@@ -132,13 +132,13 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     values = {p: dataset[f"energy_{p}"].values for p in parts}
     if "energy_numerical" in dataset:
         values["contact"] = values["contact"] + dataset.energy_numerical.values
-    shown = [p for p in parts if values[p].any()]
+    nonzero = [p for p in parts if values[p].any()]
     at_rest = float(sum(row[0] for row in values.values())) - float(dataset.energy_input[0])
     figure, axes = new_figure(rows=2, height=2.6, ratios=(3, 1))
     supplied, factor, unit = scaled(dataset.energy_input + at_rest, "J")
-    stack = [values[p] * factor for p in shown]
-    labels = [_ENERGY_LABELS.get(p, p) for p in shown]
-    colours = [COLOURS[parts.index(p)] for p in shown]  # the same part has the same colour in every figure
+    stack = [values[p] * factor for p in nonzero]
+    labels = [_ENERGY_LABELS.get(p, p) for p in nonzero]
+    colours = [COLOURS[parts.index(p)] for p in nonzero]  # the same part has the same colour in every figure
     axes[0].stackplot(dataset.time.values, stack, labels=labels, colors=colours, lw=0, alpha=0.85)
     rests = abs(at_rest) > _AT_REST * float(abs(supplied).max()) / factor
     label = "initial strain energy + input" if rests else "input"
@@ -215,8 +215,8 @@ def save_figure(figure: Figure, path: Path) -> Path:
     """Write a figure whole or not at all; `savefig` would draw it twice, once for its layout alone."""
     figure.set_dpi(_DPI)
     write_png: Callable[..., None] = FigureCanvasAgg(figure).print_png
-    with replacing(path) as part:
-        write_png(part, pil_kwargs={"compress_level": _COMPRESSION})
+    with replacing(path) as unfinished:
+        write_png(unfinished, pil_kwargs={"compress_level": _COMPRESSION})
     return path
 
 
@@ -248,11 +248,11 @@ def within_outline(x: Array, y: Array, area: float) -> Triangulation:
     shape of a set of points in the plane, Pattern Recognition 41, 3224-3236: the chi-shape.
     """
     mesh = Triangulation(x, y)
-    corners, beside = np.stack([x, y], axis=1)[mesh.triangles], mesh.neighbors
+    corners, neighbours = np.stack([x, y], axis=1)[mesh.triangles], mesh.neighbors
     edges = np.roll(corners, -1, axis=1) - corners
     length = np.linalg.norm(edges, axis=2)
     size = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2.0
-    rim = [(-length[t, k], t, k) for t, k in np.argwhere(beside < 0)]
+    rim = [(-length[t, k], t, k) for t, k in np.argwhere(neighbours < 0)]
     bare = {int(mesh.triangles[t, j % 3]) for _, t, k in rim for j in (k, k + 1)}
     gone, left = np.zeros(len(size), dtype=bool), float(size.sum())
     heapify(rim)
@@ -263,9 +263,9 @@ def within_outline(x: Array, y: Array, area: float) -> Triangulation:
             continue
         gone[t], left = True, left - float(size[t])
         bare.add(far)
-        for other in (beside[t, (k + 1) % 3], beside[t, (k + 2) % 3]):
+        for other in (neighbours[t, (k + 1) % 3], neighbours[t, (k + 2) % 3]):
             if other >= 0 and not gone[other]:
-                j = int(np.flatnonzero(beside[other] == t)[0])
+                j = int(np.flatnonzero(neighbours[other] == t)[0])
                 heappush(rim, (-length[other, j], other, j))
     mesh.set_mask(gone)
     mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))

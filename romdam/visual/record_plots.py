@@ -59,8 +59,8 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
         path = folder / f"{motion.name}.png"
         with mpl.rc_context(STYLE):
             figure = plot_record(motion, recorded)
-            with replacing(path) as part:
-                figure.savefig(part, format="png", dpi=130)
+            with replacing(path) as unfinished:
+                figure.savefig(unfinished, format="png", dpi=130)
         paths.append(path)
     return paths
 

@@ -67,8 +67,13 @@ def grid(element: str, points: Floats, cells: Ints, straight: bool = False) -> p
     """A block's mesh for PyVista; `straight` takes its corner nodes only."""
     import pyvista
 
-    kinds = [(ELEMENTS[kind.linear] if straight else kind, own) for kind, _, own in kinds_of(element, cells)]
-    return pyvista.UnstructuredGrid({kind.cell.vtk: own[:, : kind.cell.nodes] for kind, own in kinds}, points)
+    kinds = [
+        (ELEMENTS[kind.linear] if straight else kind, cells_of)
+        for kind, _, cells_of in kinds_of(element, cells)
+    ]
+    return pyvista.UnstructuredGrid(
+        {kind.cell.vtk: cells_of[:, : kind.cell.nodes] for kind, cells_of in kinds}, points
+    )
 
 
 class Picture:
@@ -114,9 +119,9 @@ class Picture:
         camera = self.plotter.camera.copy()
         with pyvista.vtk_verbosity("off"):
             self.plotter.camera = camera
-            found = np.asarray(self.plotter.screenshot(None, return_img=True))[:, :, :3]
+            pixels = np.asarray(self.plotter.screenshot(None, return_img=True))[:, :, :3]
         self.plotter.close()
-        return found
+        return pixels
 
 
 def _half_height(low: Floats, high: Floats, direction: Floats, size: tuple[int, int]) -> float:

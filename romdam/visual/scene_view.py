@@ -62,10 +62,10 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
     return save_figure(figure, path)
 
 
-def _view(scene: Scene, colours: dict[str, str], shown: list[str], direction: Floats) -> Image:
-    points = np.concatenate([scene.blocks[name].points for name in shown])
+def _view(scene: Scene, colours: dict[str, str], names: list[str], direction: Floats) -> Image:
+    points = np.concatenate([scene.blocks[name].points for name in names])
     picture, rock = Picture((points.min(axis=0), points.max(axis=0)), direction), rock_blocks(scene)
-    for name in shown:
+    for name in names:
         block = scene.blocks[name]
         shell = surface(grid(block.element, block.points, block.cells, straight=True))
         opacity = 0.35 if name in rock else 1.0
@@ -98,24 +98,24 @@ def _colours(scene: Scene) -> dict[str, str]:
 def _add_joints(picture: Picture, scene: Scene) -> None:
     """The outline of every joint's face."""
     for joint in scene.joints.values():
-        face = _part_of(scene.blocks[joint.blocks[0]], joint.nodes[0])
+        face = _facets_of(scene.blocks[joint.blocks[0]], joint.nodes[0])
         if face is not None:
             rim = face.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
             picture.add(rim, color=JOINT, line_width=8)
 
 
-def _part_of(block: Block, nodes: NDArray[np.int64]) -> pyvista.PolyData | None:
+def _facets_of(block: Block, nodes: NDArray[np.int64]) -> pyvista.PolyData | None:
     """The part of a block's surface whose corners are all among some nodes."""
     whole = surface(grid(block.element, block.points, block.cells, straight=True))
-    part = whole.extract_points(np.isin(whole["vtkOriginalPointIds"], nodes), adjacent_cells=False)
-    return part.extract_surface(algorithm=None) if part.n_cells else None
+    piece = whole.extract_points(np.isin(whole["vtkOriginalPointIds"], nodes), adjacent_cells=False)
+    return piece.extract_surface(algorithm=None) if piece.n_cells else None
 
 
 def _add_water(picture: Picture, scene: Scene) -> None:
     """The water line on the wet faces."""
     water = scene.reservoir
     for face in water.faces if water else ():
-        wet = _part_of(scene.blocks[face.block], np.unique(face.facets))
+        wet = _facets_of(scene.blocks[face.block], np.unique(face.facets))
         low = 1e-6 * water.depth if water else 0.0
         line = wet.slice(normal="z", origin=(0.0, 0.0, water.level - low)) if wet and water else None
         if line is not None and line.n_points:
@@ -131,13 +131,13 @@ def _legend(scene: Scene, colours: dict[str, str]) -> list[tuple[str, str]]:
 
 def _marks(scene: Scene) -> list[tuple[str, str]]:
     """Text and colour of what is drawn as lines."""
-    found = []
+    marks = []
     if scene.joints:
         gaps = sum(len(joint.gap) for joint in scene.joints.values())
-        found.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
+        marks.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
     if scene.reservoir is not None:
-        found.append((f"water to {scene.reservoir.level:g} m", WATER))
-    return found
+        marks.append((f"water to {scene.reservoir.level:g} m", WATER))
+    return marks
 
 
 def _material(block: Block) -> str:

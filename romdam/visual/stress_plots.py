@@ -21,13 +21,13 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
     names = list(dataset.stress_probe.values)
     figure, axes = new_figure(rows=len(names), height=2.1)
     for ax, name in zip(axes, names, strict=True):
-        own = dataset.sel(stress_probe=name)
+        of_probe = dataset.sel(stress_probe=name)
         lines = {
-            "major principal": own.principal_stress[:, 0],
-            "cantilever": own.vertical_stress,
-            "arch": own.arch_stress,
+            "major principal": of_probe.principal_stress[:, 0],
+            "cantilever": of_probe.vertical_stress,
+            "arch": of_probe.arch_stress,
         }
-        _, factor, unit = scaled(abs(own.principal_stress), "Pa")
+        _, factor, unit = scaled(abs(of_probe.principal_stress), "Pa")
         for k, (label, values) in enumerate(lines.items()):
             if values.notnull().any():
                 ax.plot(dataset.time, values * factor, color=COLOURS[k], lw=0.8, label=label)
@@ -52,8 +52,8 @@ def stress_sections(dataset: xr.Dataset) -> Figure | None:
         values, dim = dataset[f"section_{kind}"], f"section_{dim}"
         for ax, name in zip(column, names, strict=True):
             for k, along in enumerate(values[dim].values):
-                own = 1e-6 * values.sel({"section": name, dim: along})
-                ax.plot(dataset.time, own, color=COLOURS[k], lw=0.8, label=str(along))
+                force = 1e-6 * values.sel({"section": name, dim: along})
+                ax.plot(dataset.time, force, color=COLOURS[k], lw=0.8, label=str(along))
             ax.set_ylabel(f"{name}\n{kind} [M{unit}]")
         column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4 if kind == "stress" else 3,
                          fontsize=7, columnspacing=0.8, handlelength=1.2)  # fmt: skip
@@ -114,12 +114,12 @@ def _node_curve(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
 
 def _probe_curves(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
     """Durations at the named nodes, from their histories."""
-    found = {}
+    curves = {}
     for name in dataset.stress_probe.values if "stress_probe" in dataset else ():
         major = dataset.principal_stress.sel(stress_probe=name).values[:, :1]
         levels, dt = dataset.dcr_level.values * float(dataset.tensile_strength), float(dataset.time[1])
-        found[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
-    return found
+        curves[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
+    return curves
 
 
 def _curves(ax: Axes, dataset: xr.Dataset, lines: dict[tuple[str, str], Floats]) -> None:

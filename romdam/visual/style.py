@@ -73,12 +73,15 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
 
 def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
     """A legend under the panels, where it covers neither titles nor data; each label once."""
-    found: dict[str, Any] = {}
+    handles_of: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
+            handles_of.setdefault(label, handle)
     figure.legend(
-        found.values(), found.keys(), loc="outside lower center", ncols=min(_COLUMNS, max(1, len(found)))
+        handles_of.values(),
+        handles_of.keys(),
+        loc="outside lower center",
+        ncols=min(_COLUMNS, max(1, len(handles_of))),
     )
 
 
@@ -113,7 +116,7 @@ def fit_panels(figure: Figure, axes: list[Axes]) -> Figure:
     All of them have one size, so nothing is measured: a constrained layout takes two fifths of the drawing.
     """
     align_labels(axes)
-    legends = [-(-len(one.get_texts()) // _COLUMNS) for one in figure.legends]
+    legends = [-(-len(legend.get_texts()) // _COLUMNS) for legend in figure.legends]
     bottom = _BELOW + sum(_LEGEND_PAD + _LEGEND_ROW * rows for rows in legends)
     wide, high = figure.get_size_inches()
     each = (high - _ABOVE - bottom - (len(axes) - 1) * _BETWEEN) / len(axes)

@@ -29,9 +29,9 @@ def unit_text(units: str) -> str:
     """A unit as in print: `m s-2` becomes m/s², `1` becomes nothing."""
     above: list[str] = []
     below: list[str] = []
-    for part in units.split():
-        name = part.rstrip("-0123456789")
-        power = int(part[len(name) :] or 1)
+    for word in units.split():
+        name = word.rstrip("-0123456789")
+        power = int(word[len(name) :] or 1)
         if name:
             (above if power > 0 else below).append(
                 name + (str(abs(power)).translate(SUPERSCRIPTS) if abs(power) > 1 else "")
@@ -40,7 +40,7 @@ def unit_text(units: str) -> str:
     return f"{text}/{' '.join(below)}" if below else text
 
 
-def shown(values: xr.DataArray | Floats | float, units: str) -> tuple[float, str]:
+def display_unit(values: xr.DataArray | Floats | float, units: str) -> tuple[float, str]:
     """The factor and the unit that numbers are shown with."""
     if units not in _PREFIXED:
         return 1.0, unit_text(units)
@@ -72,7 +72,7 @@ def worst_figure(worst: xr.Dataset, labels: Sequence[str]) -> Figure:
     """The runs with the largest response as bars, the worst on top."""
     lines = 1 + max(label.count("\n") for label in labels)
     figure, ax = _panel(0.9 + (0.26 if lines == 1 else 0.17 * lines + 0.06) * len(labels))
-    factor, unit = shown(worst.response, worst.attrs["response_units"])
+    factor, unit = display_unit(worst.response, worst.attrs["response_units"])
     at, values = np.arange(len(labels)), worst.response.values * factor
     ax.barh(at, values, color=COLOURS[0], height=0.65)
     for y, value in enumerate(values):
@@ -88,7 +88,7 @@ def worst_figure(worst: xr.Dataset, labels: Sequence[str]) -> Figure:
 def ida_figure(ida: xr.Dataset) -> Figure:
     """Incremental curves: response along, intensity up, each record and the fractiles."""
     figure, ax = _panel(3.8)
-    factor, unit = shown(ida.response, ida.attrs["response_units"])
+    factor, unit = display_unit(ida.response, ida.attrs["response_units"])
     y = ida.intensity.transpose("record", "sample", "scale").values.reshape(-1, ida.sizes["scale"])
     x = factor * ida.response.transpose("record", "sample", "scale").values.reshape(y.shape)
     for row_x, row_y in list(zip(x, y, strict=True))[:_MOST_LINES]:
@@ -110,7 +110,9 @@ def ida_figure(ida: xr.Dataset) -> Figure:
 def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
     """Fitted fragilities with their bands, and the shares they were fitted to."""
     figure, ax = _panel(3.8)
-    factor, unit = shown(np.array([fit.attrs["threshold"] for fit in fits]), fits[0].attrs["response_units"])
+    factor, unit = display_unit(
+        np.array([fit.attrs["threshold"] for fit in fits]), fits[0].attrs["response_units"]
+    )
     for colour, fit in zip(COLOURS, fits, strict=False):
         label = f"> {factor * fit.attrs['threshold']:.3g} {unit}"
         if np.isfinite(float(fit.theta)):
@@ -132,26 +134,26 @@ def fragility_figure(fits: Sequence[xr.Dataset]) -> Figure:
     return figure
 
 
-def correlation_figure(found: xr.Dataset) -> Figure:
+def correlation_figure(correlated: xr.Dataset) -> Figure:
     """Rank correlation of a response with every measure within each scale, the closest on top."""
-    found = found.dropna("measure", subset=["spearman"])
-    found = found.isel(measure=np.argsort(-abs(found.spearman.values), kind="stable"))
-    figure, ax = _panel(1.1 + 0.24 * found.sizes["measure"])
-    at = np.arange(found.sizes["measure"])
-    several = found.sizes["scale"] > 1
+    correlated = correlated.dropna("measure", subset=["spearman"])
+    correlated = correlated.isel(measure=np.argsort(-abs(correlated.spearman.values), kind="stable"))
+    figure, ax = _panel(1.1 + 0.24 * correlated.sizes["measure"])
+    at = np.arange(correlated.sizes["measure"])
+    several = correlated.sizes["scale"] > 1
     if not several:
-        ax.barh(at, found.spearman, color=COLOURS[0], height=0.65)
-    colours = colormaps["viridis"](np.linspace(0.0, 0.85, found.sizes["scale"]))
-    for k in range(found.sizes["scale"] if several else 0):
-        label = _scale_text(found.scale, k)
-        ax.plot(found.spearman_at_scale[:, k], at, "o", ms=5, color=colours[k], label=label)
-    ax.set_yticks(at, [str(name) for name in found.measure.values])
+        ax.barh(at, correlated.spearman, color=COLOURS[0], height=0.65)
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, correlated.sizes["scale"]))
+    for k in range(correlated.sizes["scale"] if several else 0):
+        label = _scale_text(correlated.scale, k)
+        ax.plot(correlated.spearman_at_scale[:, k], at, "o", ms=5, color=colours[k], label=label)
+    ax.set_yticks(at, [str(name) for name in correlated.measure.values])
     ax.invert_yaxis()
     ax.axvline(0.0, color="black", lw=0.6)
-    ax.set_xlim(min(0.0, 1.1 * float(found.spearman_at_scale.min())), 1.02)
+    ax.set_xlim(min(0.0, 1.1 * float(correlated.spearman_at_scale.min())), 1.02)
     ax.grid(visible=False, axis="y")
-    ax.set_xlabel(f"rank correlation with {_name(found.attrs['response'])}")
-    records = found.count_at_scale.values
+    ax.set_xlabel(f"rank correlation with {_name(correlated.attrs['response'])}")
+    records = correlated.count_at_scale.values
     few, most = int(records.min()), int(records.max())
     ax.set_title(f"n = {most if few == most else f'{few} to {most}'} records at each scale", loc="left")
     if several:
@@ -175,7 +177,7 @@ def scatter_figure(summary: xr.Dataset, response: str, intensity: str) -> Figure
     rows = -(-len(shown_scales) // columns)
     figure = Figure(figsize=(WIDTH, (3.4 if rows == 1 else 2.5 * rows)), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    factor, unit = shown(values, str(values.attrs.get("units", "1")))
+    factor, unit = display_unit(values, str(values.attrs.get("units", "1")))
     middle = factor * values.median("sample").transpose("record", "scale").values
     for ax, k in zip(axes, shown_scales, strict=False):
         x, y = measured.values[:, k], middle[:, k]
@@ -195,22 +197,22 @@ def scatter_figure(summary: xr.Dataset, response: str, intensity: str) -> Figure
     return figure
 
 
-def sensitivity_figure(found: xr.Dataset) -> Figure:
+def sensitivity_figure(strength: xr.Dataset) -> Figure:
     """Standardised regression and rank correlation of every parameter with their bounds."""
-    figure, ax = _panel(1.3 + 0.45 * found.sizes["parameter"])
-    order = np.argsort(-np.nan_to_num(abs(found.regression.values)), kind="stable")
+    figure, ax = _panel(1.3 + 0.45 * strength.sizes["parameter"])
+    order = np.argsort(-np.nan_to_num(abs(strength.regression.values)), kind="stable")
     at = np.arange(len(order))
     pairs = (("regression", "standardised regression", -0.14), ("spearman", "rank correlation", 0.14))
     for colour, (name, label, aside) in zip(COLOURS, pairs, strict=False):
-        value = found[name].values[order]
-        ends = np.abs(found[f"{name}_bounds"].values[order].T - value)
+        value = strength[name].values[order]
+        ends = np.abs(strength[f"{name}_bounds"].values[order].T - value)
         ax.errorbar(value, at + aside, xerr=ends, fmt="o", ms=4, color=colour, capsize=2, lw=1.2, label=label)
-    ax.set_yticks(at, [str(name) for name in found.parameter.values[order]])
+    ax.set_yticks(at, [str(name) for name in strength.parameter.values[order]])
     ax.set_ylim(len(order) - 0.5, -0.5)
     ax.axvline(0.0, color="black", lw=0.6)
     ax.set_xlim(-1.08, 1.08)
     ax.grid(visible=False, axis="y")
-    ax.set_xlabel(f"effect on {_name(found.attrs['response'])}, on ranks")
+    ax.set_xlabel(f"effect on {_name(strength.attrs['response'])}, on ranks")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 
@@ -222,7 +224,7 @@ def height_figure(envelopes: xr.Dataset) -> Figure:
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(WIDTH, 3.4 * rows if rows < 3 else 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    factor, unit = shown(envelopes.opening, "m")
+    factor, unit = display_unit(envelopes.opening, "m")
     for ax, name in zip(axes, names, strict=False):
         _heights(ax, envelopes, name, factor)
         if len(names) > 1:

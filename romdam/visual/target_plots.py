@@ -62,7 +62,7 @@ def write_target_plots(motions: Sequence[GroundMotion], folder: Path) -> list[Pa
     paths = []
     for number, curves in enumerate(target_curves(motions), start=1):
         path = folder / f"target-{number}.png"
-        with mpl.rc_context(STYLE), replacing(path) as part:
-            plot_target(curves).savefig(part, format="png", dpi=130)
+        with mpl.rc_context(STYLE), replacing(path) as unfinished:
+            plot_target(curves).savefig(unfinished, format="png", dpi=130)
         paths.append(path)
     return paths

@@ -36,9 +36,9 @@ def quantity_histories(comparison: xr.Dataset) -> Figure:
     """Two results, see `romdam.error.two_results`: every quantity that they share, some dozen of them."""
     quantities = comparison["quantity"].values[:_MOST]
     first, second = comparison.variant.values
-    shown = comparison.history.sel(quantity=quantities).assign_attrs(comparison.history.attrs)
+    chosen = comparison.history.sel(quantity=quantities).assign_attrs(comparison.history.attrs)
     labelled = comparison.assign_attrs(reference=second, record=f"{first} against {second}")
-    return _figure(labelled, shown, "quantity", "{}")
+    return _figure(labelled, chosen, "quantity", "{}")
 
 
 HISTORIES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
@@ -59,16 +59,16 @@ def _vectors(comparison: xr.Dataset, name: str, dim: str) -> Figure | None:
 def _figure(comparison: xr.Dataset, values: xr.DataArray, dim: str, words: str) -> Figure:
     """A row for every place: all histories, and what each is more than the reference's."""
     places, reference = values[dim].values, comparison.attrs["reference"]
-    shown, _, unit = scaled(values, "m")
+    in_unit, _, unit = scaled(values, "m")
     off, _, small = scaled(values - values.sel(variant=reference, drop=True), "m")
     with mpl.rc_context(STYLE):
         height = 2.2 if len(places) < 4 else 1.5
         figure = Figure(figsize=(11.0, height * len(places) + 1.1), layout="constrained")
         panels = figure.subplots(len(places), 2, squeeze=False, sharex=True)
-        for place, (left, right) in zip(places, panels, strict=True):
-            _lines(left, shown.sel({dim: place}), reference)
-            _lines(right, off.sel({dim: place}), reference)
-            left.set_ylabel(f"{words.format(place)} [{unit}]")
+        for point, (left, right) in zip(places, panels, strict=True):
+            _lines(left, in_unit.sel({dim: point}), reference)
+            _lines(right, off.sel({dim: point}), reference)
+            left.set_ylabel(f"{words.format(point)} [{unit}]")
             right.set_ylabel(f"[{small}]")
             left.set_xlim(float(values.time[0]), float(values.time[-1]))
         panels[0][0].set_title(f"{comparison.attrs['record']}", loc="left")

@@ -111,7 +111,7 @@ def face_demand(ratio: Floats, duration: Floats, area: Floats, levels: Floats) -
 
 def verdict(met: Sequence[int] | Ints) -> str:
     """Say whether a face passes, by which criteria it does not, or that most of it was not judged."""
-    missed = [name for name, one in zip(CRITERIA, met, strict=True) if one == MISSED]
+    missed = [name for name, criterion in zip(CRITERIA, met, strict=True) if criterion == MISSED]
     if missed:
         return f"fails: {', '.join(missed)}"
     return "undecided: most of it is in the ring" if UNDECIDED in list(met) else "passes"

@@ -33,11 +33,11 @@ def gap_section_forces(operator: Floats, contact: Floats, water: Iterable[Floats
     contact : (nt, ng, d) along normal and tangents, on side J [N]
     water : each (nt, ng) or (ng,), along the normals; or empty [N]
     """
-    acting = contact.copy()
+    forces = contact.copy()
     for force in water:
         if force.size:
-            acting[..., 0] += force
-    return np.asarray(acting.reshape(len(acting), -1) @ operator.T).reshape(len(acting), -1, 6)
+            forces[..., 0] += force
+    return np.asarray(forces.reshape(len(forces), -1) @ operator.T).reshape(len(forces), -1, 6)
 
 
 def linearised_stress(section: Section, forces: Floats) -> Floats:

@@ -61,8 +61,8 @@ class StressHistory:
         """
         q = self.coordinates[block][times]
         if block in self.fields:
-            part = self.fields[block][rows]
-            stress = (part.reshape(-1, part.shape[2]) @ q.T).reshape(-1, 6, len(q))
+            stress_modes = self.fields[block][rows]
+            stress = (stress_modes.reshape(-1, stress_modes.shape[2]) @ q.T).reshape(-1, 6, len(q))
         else:
             stress = np.array(q.reshape(len(q), -1, 6)[:, rows].transpose(1, 2, 0), order="C")
         if block in self.offset:
@@ -192,14 +192,14 @@ def _durations(stress: Floats, levels: Floats, dt: float) -> Floats:
     """Durations (k, levels) of histories (nt, k) above ascending levels; few intervals exceed any."""
     over = stress > levels[0]
     nodes, times = np.nonzero((over[:-1] | over[1:]).T)
-    ends, found = np.stack([stress[times, nodes], stress[times + 1, nodes]]), []
+    ends, totals = np.stack([stress[times, nodes], stress[times + 1, nodes]]), []
     for level in levels:
         exceeding = (ends > level).any(axis=0)
         nodes, ends = nodes[exceeding], ends[:, exceeding]
         seconds = _seconds_above(ends[0] - level, ends[1] - level, dt)
         total = np.bincount(nodes, seconds, minlength=stress.shape[1])
-        found.append(total.astype(np.float64))  # NumPy counts nothing in integers
-    return np.stack(found, axis=1)
+        totals.append(total.astype(np.float64))  # NumPy counts nothing in integers
+    return np.stack(totals, axis=1)
 
 
 def summarise(sites: StressSites, history: StressHistory, time: Floats) -> StressSummary:
@@ -211,8 +211,8 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     """
     dt = float(time[1] - time[0]) if len(time) > 1 else 0.0
     parts = _parts(sites, len(time))
-    found = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in parts))
-    joined = {key: np.concatenate([part[key] for part in found]) for key in found[0]}
+    summaries = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in parts))
+    joined = {key: np.concatenate([summary[key] for summary in summaries]) for key in summaries[0]}
     counted = np.concatenate([nodes.counted for nodes in sites.blocks.values()])
     worst = {m: _worst_step(joined, m, counted) for m in MEASURES}
     fields = {m: _at_step(sites, history, step) for m, step in worst.items()}
@@ -247,10 +247,10 @@ def _of_part(
     """Summary of the histories of a few nodes of a block."""
     stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
     measures = _measures(stress, sites.blocks[name], rows, strength)
-    found = _envelopes(measures)
+    summary = _envelopes(measures)
     if sites.strength is not None:
-        found |= _excursions(stress, measures["principal"][0], sites.strength, dt)
-    return found
+        summary |= _excursions(stress, measures["principal"][0], sites.strength, dt)
+    return summary
 
 
 def _measures(
@@ -269,13 +269,13 @@ def _measures(
 
 
 def _envelopes(measures: dict[str, tuple[Floats, Floats]]) -> dict[str, NDArray[np.generic]]:
-    found: dict[str, NDArray[np.generic]] = {"at start": measures["principal"][0][0]}
+    envelopes: dict[str, NDArray[np.generic]] = {"at start": measures["principal"][0][0]}
     for name, (upper, lower) in measures.items():
         step = upper.argmax(axis=0)
-        found[f"step {name}"] = step
-        found[f"largest {name}"] = np.take_along_axis(upper, step[None], axis=0)[0]
-        found[f"smallest {name}"] = lower.min(axis=0)
-    return found
+        envelopes[f"step {name}"] = step
+        envelopes[f"largest {name}"] = np.take_along_axis(upper, step[None], axis=0)[0]
+        envelopes[f"smallest {name}"] = lower.min(axis=0)
+    return envelopes
 
 
 def _excursions(stress: Floats, major: Floats, strength: float, dt: float) -> dict[str, NDArray[np.generic]]:
@@ -295,14 +295,14 @@ def _worst_step(joined: Mapping[str, NDArray[np.generic]], measure: str, counted
 
 def _at_step(sites: StressSites, history: StressHistory, step: int) -> dict[str, Floats]:
     """Every measure, and the tensor, of all nodes at one step."""
-    found: dict[str, list[Floats]] = {name: [] for name in (*MEASURES, "tensor")}
+    values: dict[str, list[Floats]] = {name: [] for name in (*MEASURES, "tensor")}
     for name, nodes in sites.blocks.items():
         rows = slice(0, len(nodes.nodes))
         stress = history.at(name, rows, slice(step, step + 1))
         for measure, (upper, _) in _measures(stress, nodes, rows).items():
-            found[measure].append(upper[0])
-        found["tensor"].append(stress[0])
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+            values[measure].append(upper[0])
+        values["tensor"].append(stress[0])
+    return {name: np.concatenate(parts) for name, parts in values.items()}
 
 
 def _probe_histories(sites: StressSites, history: StressHistory, samples: int) -> Floats:

@@ -104,13 +104,17 @@ def _demands(case: Case) -> list[list[FaceDemand]]:
 
 
 def _demand(name: str) -> Callable[[Case], Array]:
-    return lambda case: np.array([[getattr(one, name) for one in own] for own in _demands(case)])
+    return lambda case: np.array(
+        [[getattr(demand, name) for demand in demands] for demands in _demands(case)]
+    )
 
 
 def _accepted(case: Case) -> Array:
     """(faces, bases, kinds, criteria) whether each is met; where little of a face is judged nothing is."""
     kinds = LIMITS.values()
-    met = [[[one.accepted(DCR_LEVELS, k) for k in kinds] for one in own] for own in _demands(case)]
+    met = [
+        [[demand.accepted(DCR_LEVELS, k) for k in kinds] for demand in demands] for demands in _demands(case)
+    ]
     values = np.array(met, dtype=np.int8)
     mostly = _sites(case).ring_shares > MOST_RING
     values[mostly] = np.where(values[mostly] == MET, UNDECIDED, values[mostly])
@@ -123,7 +127,12 @@ def _peak_position(case: Case) -> Array:
     blocks = case.scene.blocks
     points = np.concatenate([blocks[name].points[nodes.nodes] for name, nodes in sites.blocks.items()])
     rows = [_outside(sites, face)[0] for face in sites.faces]
-    return np.array([points[own[values[own].argmax()]] if len(own) else np.full(3, np.nan) for own in rows])
+    return np.array(
+        [
+            points[face_nodes[values[face_nodes].argmax()]] if len(face_nodes) else np.full(3, np.nan)
+            for face_nodes in rows
+        ]
+    )
 
 
 def peak_shares(case: Case) -> dict[str, float]:
@@ -142,7 +151,7 @@ def _start_share(case: Case) -> Array:
     assert sites.strength is not None
     chosen = [_outside(sites, face) for face in sites.faces]
     over = [(area @ (values[rows] > sites.strength), area.sum()) for rows, area in chosen]
-    return np.array([100.0 * one / whole if whole else np.nan for one, whole in over])
+    return np.array([100.0 * above / whole if whole else np.nan for above, whole in over])
 
 
 def _attribute(name: str) -> Callable[[Case], Array]:
@@ -150,7 +159,7 @@ def _attribute(name: str) -> Callable[[Case], Array]:
 
 
 def _face_stresses() -> dict[str, Variable]:
-    made = {}
+    stresses = {}
     for m in MEASURES:
         for table, name, when in (
             ("largest", f"face_{m}_stress", f"largest {_TEXTS[m]} over time"),
@@ -158,8 +167,8 @@ def _face_stresses() -> dict[str, Variable]:
         ):
             text = f"{when}, not exceeded on area_percentile of the face outside the ring"
             dims = ("stress_face", "area_percentile")
-            made[name] = Variable(dims, "Pa", text, _percentiles(_table(table, m)), of_faces)
-    return made
+            stresses[name] = Variable(dims, "Pa", text, _percentiles(_table(table, m)), of_faces)
+    return stresses
 
 
 FACE_COORDINATES: dict[str, Variable] = {

@@ -90,17 +90,17 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
     """
 
     def fill(file: h5py.File) -> str:
-        for name, part in blocks.items():
+        for name, stress in blocks.items():
             group = file.create_group(f"blocks/{name}")
             for item in _ARRAYS:
-                group[item] = getattr(part, item)
-            group["combinations"].attrs["first"] = part.columns.start
-            if part.carried:
-                group["combinations"].attrs["carried"] = part.carried
+                group[item] = getattr(stress, item)
+            group["combinations"].attrs["first"] = stress.columns.start
+            if stress.carried:
+                group["combinations"].attrs["carried"] = stress.carried
         return _stored_digest(file)
 
-    size = sum(part.fields.nbytes + part.combinations.nbytes for part in blocks.values())
-    made_of = _made_of({name: part.made_of for name, part in blocks.items()})
+    size = sum(stress.fields.nbytes + stress.combinations.nbytes for stress in blocks.values())
+    made_of = _made_of({name: stress.made_of for name, stress in blocks.items()})
     return write_companion_file(folder, ("stress", FORMAT), fill, size, made_of)
 
 

@@ -114,30 +114,30 @@ def _along(which: int) -> Callable[[Case], Array]:
 
 
 def _envelopes() -> dict[str, Variable]:
-    found = {}
+    envelopes = {}
     for name in MEASURES:
         text = _NAMES[name]
         low = text.replace("major", "minor")
-        found[f"max_{name}_stress"] = Variable(
+        envelopes[f"max_{name}_stress"] = Variable(
             _NODE, "Pa", f"largest {text} over time", _measure("largest", name), _has
         )
-        found[f"min_{name}_stress"] = Variable(
+        envelopes[f"min_{name}_stress"] = Variable(
             _NODE, "Pa", f"smallest {low} over time", _measure("smallest", name), _has
         )
-        found[f"max_{name}_stress_time"] = Variable(
+        envelopes[f"max_{name}_stress_time"] = Variable(
             _NODE, "s", f"time of the largest {text}", _measure("time_of_largest", name), _has
         )
-        found[f"worst_{name}_stress"] = Variable(
+        envelopes[f"worst_{name}_stress"] = Variable(
             _NODE, "Pa", f"{text} at worst_{name}_time", _measure("at_worst", name), _has
         )
-        found[f"worst_{name}_time"] = Variable(
+        envelopes[f"worst_{name}_time"] = Variable(
             (),
             "s",
             f"time at which the {text} is largest anywhere outside the ring",
             _measure("worst_time", name),
             _has,
         )
-    return found
+    return envelopes
 
 
 STRESS_COORDINATES: dict[str, Variable] = {

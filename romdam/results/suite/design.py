@@ -37,22 +37,27 @@ def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
         for a path that cannot be varied, or two that name the same place.
     """
     source = str(job.path)
-    places = {n: find_place(job.config, one.path, n, source) for n, one in suite.parameters.items()}
+    places = {
+        n: find_place(job.config, parameter.path, n, source) for n, parameter in suite.parameters.items()
+    }
     taken: dict[tuple[str, str], str] = {}
-    for name, place in places.items():
-        for joint in place.joints or ("",):
-            other = taken.setdefault((joint, place.keys[0]), name)
-            if other != name and (place.keys == places[other].keys or not _beside(place, places[other])):
+    for name, found_at in places.items():
+        for joint in found_at.joints or ("",):
+            other = taken.setdefault((joint, found_at.keys[0]), name)
+            if other != name and (
+                found_at.keys == places[other].keys or not _beside(found_at, places[other])
+            ):
                 raise ConfigError(
-                    f"{source}: suite.parameters.{name}.path: {place.path} varies what parameter {other!r} "
+                    f"{source}: suite.parameters.{name}.path: {found_at.path} varies what parameter "
+                    f"{other!r} "
                     f"({places[other].path}) does; remove one of the two"
                 )
     return places
 
 
-def _beside(one: Place, other: Place) -> bool:
+def _beside(first: Place, other: Place) -> bool:
     """Tell whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
-    return len(one.keys) == len(other.keys) == 2
+    return len(first.keys) == len(other.keys) == 2
 
 
 def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) -> xr.Dataset:
@@ -84,23 +89,24 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) ->
     return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
 
 
-def _levels(name: str, one: ParameterConfig, place: Place, source: str) -> Floats:
+def _levels(name: str, parameter: ParameterConfig, target: Place, source: str) -> Floats:
     """The values of a parameter in the full grid."""
-    if one.values is not None:
-        return np.array([si_value(place, value, name, source) for value in one.values])
-    low, high = _range(name, one, place, source)
-    if one.distribution == "loguniform":
-        return np.geomspace(low, high, one.count or 2)
-    return np.linspace(low, high, one.count or 2)
+    if parameter.values is not None:
+        return np.array([si_value(target, value, name, source) for value in parameter.values])
+    low, high = _range(name, parameter, target, source)
+    if parameter.distribution == "loguniform":
+        return np.geomspace(low, high, parameter.count or 2)
+    return np.linspace(low, high, parameter.count or 2)
 
 
-def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[float, float]:
-    low, high = (si_value(place, v, name, source) for v in (one.low, one.high) if v is not None)
-    least = 0.0 if one.distribution == "loguniform" else -np.inf
+def _range(name: str, parameter: ParameterConfig, target: Place, source: str) -> tuple[float, float]:
+    low, high = (si_value(target, v, name, source) for v in (parameter.low, parameter.high) if v is not None)
+    least = 0.0 if parameter.distribution == "loguniform" else -np.inf
     if not least < low < high < np.inf:
         raise ConfigError(
             f"{source}: suite.parameters.{name}: `low` must be below `high`"
-            f"{' and above 0 for loguniform' if least == 0.0 else ''}, got {one.low} and {one.high}"
+            f"{' and above 0 for loguniform' if least == 0.0 else ''}, got {parameter.low} and "
+            f"{parameter.high}"
         )
     return low, high
 
@@ -108,7 +114,7 @@ def _range(name: str, one: ParameterConfig, place: Place, source: str) -> tuple[
 def _grid(
     parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
 ) -> dict[str, Floats]:
-    levels = {name: _levels(name, one, places[name], source) for name, one in parameters.items()}
+    levels = {name: _levels(name, parameter, places[name], source) for name, parameter in parameters.items()}
     rows = list(itertools.product(*levels.values()))
     return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}
 
@@ -120,16 +126,18 @@ def _latin_hypercube(
     source: str,
 ) -> dict[str, Floats]:
     unit = _unit_samples(design.latin_hypercube, len(parameters), design.seed)
-    found = {}
-    for column, (name, one) in enumerate(parameters.items()):
+    columns = {}
+    for column, (name, parameter) in enumerate(parameters.items()):
         u = unit[:, column]
-        if one.values is not None:
-            levels = _levels(name, one, places[name], source)
-            found[name] = levels[np.minimum((u * len(levels)).astype(int), len(levels) - 1)]
+        if parameter.values is not None:
+            levels = _levels(name, parameter, places[name], source)
+            columns[name] = levels[np.minimum((u * len(levels)).astype(int), len(levels) - 1)]
             continue
-        low, high = _range(name, one, places[name], source)
-        found[name] = low * (high / low) ** u if one.distribution == "loguniform" else low + u * (high - low)
-    return found
+        low, high = _range(name, parameter, places[name], source)
+        columns[name] = (
+            low * (high / low) ** u if parameter.distribution == "loguniform" else low + u * (high - low)
+        )
+    return columns
 
 
 def _unit_samples(samples: int, parameters: int, seed: int) -> Floats:
@@ -140,8 +148,8 @@ def _unit_samples(samples: int, parameters: int, seed: int) -> Floats:
     random = np.random.default_rng(seed).spawn(1)[0]
     within = random.uniform(size=(samples, parameters))
     strata = np.tile(np.arange(1, samples + 1), (parameters, 1))
-    for own in strata:
-        random.shuffle(own)
+    for stratum in strata:
+        random.shuffle(stratum)
     return np.asarray((strata.T - within) / samples)
 
 
@@ -164,8 +172,8 @@ def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
                 "by commas, and write numbers with a decimal point"
             )
     return {
-        name: np.array([_cell(path, number, cells[at], name, place) for number, cells in lines[1:]])
-        for name, place in places.items()
+        name: np.array([_cell(path, number, cells[at], name, target) for number, cells in lines[1:]])
+        for name, target in places.items()
         for at in (columns.index(name),)
     }
 
@@ -181,7 +189,7 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
         raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
 
 
-def _cell(path: Path, line: int, text: str, name: str, place: Place) -> float:
+def _cell(path: Path, line: int, text: str, name: str, target: Place) -> float:
     if not text:
         raise ConfigError(f"{path}: line {line}: no value for {name}")
-    return si_value(place, text, name, f"{path}: line {line}")
+    return si_value(target, text, name, f"{path}: line {line}")

@@ -86,9 +86,9 @@ def rewrite_rows(path: Path, rows: Iterable[Row]) -> None:
     ResultError
         where the folder or the disk refuses it.
     """
-    with replacing(path) as part:
-        part.touch()
-        append_rows(part, rows)
+    with replacing(path) as unfinished:
+        unfinished.touch()
+        append_rows(unfinished, rows)
 
 
 def _line(row: Row) -> bytes:

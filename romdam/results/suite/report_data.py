@@ -64,13 +64,13 @@ def report_data(
 def _as_run(motions: Sequence[GroundMotion], scale: float) -> str:
     """Say what was done to the size of records: by their entries, and by the suite."""
     moving = [motion.entry_factors[motion.acc.any(axis=1)] for motion in motions]
-    factors, own = np.concatenate([*moving, np.zeros(0)]), "as recorded"
+    factors, treatment = np.concatenate([*moving, np.zeros(0)]), "as recorded"
     if (factors != 1.0).any():
         low, high = factors.min(), factors.max()
-        own = f"scaled by {low:.3g}" if np.isclose(low, high) else f"scaled by {low:.3g} to {high:.3g}"
+        treatment = f"scaled by {low:.3g}" if np.isclose(low, high) else f"scaled by {low:.3g} to {high:.3g}"
     if any(motion.is_matched for motion in motions):
-        own = "matched to their target"
-    return own if scale == 1.0 else f"{scale:g} times {own}"
+        treatment = "matched to their target"
+    return treatment if scale == 1.0 else f"{scale:g} times {treatment}"
 
 
 def read_report_data(summary: xr.Dataset, folder: Path) -> xr.Dataset | None:

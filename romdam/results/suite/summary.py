@@ -56,11 +56,11 @@ class SuiteRecord:
     factors: Floats
 
 
-def unscaled(name: str, one: GroundMotion | str) -> SuiteRecord:
+def unscaled(name: str, motion: GroundMotion | str) -> SuiteRecord:
     """A record of a plain job: its motion as it is, or why it cannot be used."""
-    if isinstance(one, GroundMotion):
-        return SuiteRecord(name, one, "", np.ones(1))
-    return SuiteRecord(name, None, one, np.full(1, np.nan))
+    if isinstance(motion, GroundMotion):
+        return SuiteRecord(name, motion, "", np.ones(1))
+    return SuiteRecord(name, None, motion, np.full(1, np.nan))
 
 
 def suite_of(job: Job) -> SuiteConfig:
@@ -100,8 +100,12 @@ def summary_dataset(
     data |= _entries(records) | _measures(job, records)
     data |= _status(shape, records, rows)
     data["file"] = _files(shape, rows, _results_folder(job))
-    contents = fingerprint([(place, row.key) for place, row in sorted(rows.items(), key=itemgetter(0))])
-    said = {one.name: list(one.motion.warnings) for one in records if one.motion and one.motion.warnings}
+    contents = fingerprint([(run, row.key) for run, row in sorted(rows.items(), key=itemgetter(0))])
+    said = {
+        record.name: list(record.motion.warnings)
+        for record in records
+        if record.motion and record.motion.warnings
+    }
     attributes = _attributes(job, design) | {
         "record_warnings": json.dumps(said),
         _FOLDER: _results_folder(job),
@@ -112,7 +116,7 @@ def summary_dataset(
 
 def _entries(records: Sequence[SuiteRecord]) -> dict[str, Any]:
     """What the records' own entries have done to them, besides the suite's scale."""
-    motions, unknown = [one.motion for one in records], np.full(3, np.nan)
+    motions, unknown = [record.motion for record in records], np.full(3, np.nan)
     factors = np.array([unknown if motion is None else motion.entry_factors for motion in motions])
     matched = np.array([motion is not None and motion.is_matched for motion in motions], dtype=np.int8)
     by = "what `scale`, and a target, of the record's entry multiply it by, besides scale_factor"
@@ -130,9 +134,10 @@ def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
     spans = {"record": duration} if duration is None else {"record": duration, "recorded": None}
     data: dict[str, Any] = {}
     for prefix, span in spans.items():
-        motions = [None if one.motion is None else analysed(one.motion, span) for one in records]
+        motions = [None if record.motion is None else analysed(record.motion, span) for record in records]
         measured = [
-            measures_at_scales(m, one.factors, period, of) for m, one in zip(motions, records, strict=True)
+            measures_at_scales(m, record.factors, period, of)
+            for m, record in zip(motions, records, strict=True)
         ]
         whose = (
             ""
@@ -144,7 +149,7 @@ def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
         for name in (*MEASURES, "sa"):
             about = _about_measure(name, period, of)
             about["long_name"] += whose
-            values = np.array([one[name] for one in measured])
+            values = np.array([values[name] for values in measured])
             data[f"{prefix}_{name}"] = (("record", "scale"), values, about)
     return data
 
@@ -210,7 +215,7 @@ def _coordinates(
     coords: dict[str, Any] = {
         "record": (
             "record",
-            np.array([one.name for one in records], dtype=str),
+            np.array([suite_record.name for suite_record in records], dtype=str),
             {"long_name": "name of the record"},
         ),
         "scale": ("scale", values, about),
@@ -223,15 +228,15 @@ def _coordinates(
     }
     coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
     joints = list(scene.joints.values())
-    found: dict[str, Any] = {"component": np.array(["x", "y", "z"])}
+    coordinates: dict[str, Any] = {"component": np.array(["x", "y", "z"])}
     if joints:
-        found["joint"] = np.array([joint.name for joint in joints], dtype=str)
-        found["gap_joint"] = np.concatenate([np.full(len(j.area), j.name) for j in joints])
-        found["gap_position"] = np.concatenate([j.position for j in joints])
-        found["gap_area"] = np.concatenate([j.whole_area for j in joints])
+        coordinates["joint"] = np.array([joint.name for joint in joints], dtype=str)
+        coordinates["gap_joint"] = np.concatenate([np.full(len(j.area), j.name) for j in joints])
+        coordinates["gap_position"] = np.concatenate([j.position for j in joints])
+        coordinates["gap_area"] = np.concatenate([j.whole_area for j in joints])
     if scene.probes:
-        found["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
-    coords |= {n: (COORDINATES[n].dims, values, COORDINATES[n].about) for n, values in found.items()}
+        coordinates["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
+    coords |= {n: (COORDINATES[n].dims, values, COORDINATES[n].about) for n, values in coordinates.items()}
     if "peak_stress" in data:
         about = {"long_name": "stress whose largest value is told"}
         coords["stress_measure"] = ("stress_measure", np.array(STRESS, dtype=str), about)
@@ -313,15 +318,15 @@ def kept_results(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
     if "file" not in summary:  # romdam 0.1 named them so
         return _kept_before(summary, folder / RUNS_FOLDER)
     inside = folder if summary.attrs.get(_FOLDER) == _BESIDE else folder / RUNS_FOLDER
-    found = np.ndenumerate(summary.file.transpose(*RUNS).values)
-    return {(at[0], at[1], at[2]): inside / Path(str(file)).name for at, file in found if file}
+    cells = np.ndenumerate(summary.file.transpose(*RUNS).values)
+    return {(at[0], at[1], at[2]): inside / Path(str(file)).name for at, file in cells if file}
 
 
 def _kept_before(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
     names = {str(name): i for i, name in enumerate(summary.record.values)}
-    found = {path: path.stem.rsplit("__", 2) for path in sorted(folder.glob("*.nc"))}
+    stems = {path: path.stem.rsplit("__", 2) for path in sorted(folder.glob("*.nc"))}
     return {
         (names[parts[0]], int(parts[1]), int(parts[2])): path
-        for path, parts in found.items()
+        for path, parts in stems.items()
         if len(parts) == 3 and parts[0] in names and parts[1].isdigit() and parts[2].isdigit()
     }

@@ -35,7 +35,7 @@ def write_tables(summary: xr.Dataset, folder: Path, xlsx: bool = False) -> list[
     return [*paths, _write_xlsx(columns, cells, folder / XLSX)] if xlsx else paths
 
 
-def refuse_without_xlsx(place: Path) -> None:
+def refuse_without_xlsx(location: Path) -> None:
     """Refuse a spreadsheet that cannot be written, before anything is run.
 
     Raises
@@ -45,14 +45,15 @@ def refuse_without_xlsx(place: Path) -> None:
     """
     if find_spec("xlsxwriter") is None:
         raise ConfigError(
-            f"{place}: outputs.xlsx: needs the package XlsxWriter; install romdam with the extra `xlsx`, or "
+            f"{location}: outputs.xlsx: needs the package XlsxWriter; install romdam with the extra "
+            "`xlsx`, or "
             f"leave the key out: {CSV} has the same table"
         )
 
 
 def _cells(column: Column) -> list[object]:
     if column.name == "status":
-        return ["failed" if one == FAILED else "done" for one in column.values.tolist()]
+        return ["failed" if status == FAILED else "done" for status in column.values.tolist()]
     if column.values.dtype.kind != "f":
         return list(column.values.tolist())
     values = column.values.astype(object)
@@ -64,8 +65,8 @@ def _write_xlsx(columns: list[Column], cells: list[list[object]], path: Path) ->
     """Write a sheet of the runs, and one that says what the columns are."""
     import xlsxwriter
 
-    with replacing(path) as part:
-        book = xlsxwriter.Workbook(str(part), {"constant_memory": True})
+    with replacing(path) as unfinished:
+        book = xlsxwriter.Workbook(str(unfinished), {"constant_memory": True})
         bold = book.add_format({"bold": True})
         for name, rows in (("runs", _with_head(columns, cells)), ("columns", _meanings(columns))):
             sheet = book.add_worksheet(name)

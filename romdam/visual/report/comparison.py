@@ -44,10 +44,10 @@ def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | byte
     sections = [
         Section("variants", "Variants", [variants]),
         *(Section(table.name, table.title, [_table(table)]) for table in tables),
-        Section("figures", "Figures", [side_by_side(one) for one in drawn]),
+        Section("figures", "Figures", [side_by_side(pair) for pair in drawn]),
     ]
-    with replacing(folder / PAGE) as part:
-        part.write_text(page(str(attrs["title"]), about, sections), encoding="utf-8")
+    with replacing(folder / PAGE) as unfinished:
+        unfinished.write_text(page(str(attrs["title"]), about, sections), encoding="utf-8")
     return folder / PAGE
 
 

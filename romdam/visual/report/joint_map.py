@@ -14,7 +14,7 @@ from matplotlib.tri import Triangulation
 
 from romdam.core.arrays import Floats, Ints
 from romdam.visual.style import GREY
-from romdam.visual.suite_plots import WIDTH, shown
+from romdam.visual.suite_plots import WIDTH, display_unit
 
 _HOLLOW = 3.0  # of the sum of two discs' radii: gaps farther apart have a hollow between them
 
@@ -34,7 +34,7 @@ def opening_map(envelopes: xr.Dataset) -> Figure:
     size = (float(np.clip(width, 2.4, WIDTH)), height * rows)
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
-    factor, unit = shown(envelopes.opening, "m")
+    factor, unit = display_unit(envelopes.opening, "m")
     peaks = factor * np.nanmax(envelopes.opening.values[-1], axis=0)
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for ax, name in zip(axes, names, strict=False):

@@ -25,8 +25,8 @@ def page(title: str, about: str, sections: Sequence[Section], facts: Sequence[Fa
     about : a line under the title
     facts : what counts most
     """
-    parts = [part for section in sections for part in section.shown]
-    sorts = any(isinstance(part, Table) and part.sortable for part in parts)
+    parts = [block for section in sections for block in section.shown]
+    sorts = any(isinstance(block, Table) and block.sortable for block in parts)
     style, script = _text("page.css"), _text("runs.js") if sorts else ""
     policy = f"default-src 'none'; img-src data:; style-src {_digest(style)}"
     policy += f"; script-src {_digest(script)}" if script else ""

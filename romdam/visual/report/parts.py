@@ -116,7 +116,7 @@ class Table:
         """The rows as they are shown."""
         right = self.numeric
         return [
-            [cell_of(one, self.digits, n) for n, one in zip(right, row, strict=True)] for row in self.rows
+            [cell_of(value, self.digits, n) for n, value in zip(right, row, strict=True)] for row in self.rows
         ]
 
 
@@ -133,8 +133,8 @@ def cell_of(value: Value, digits: int = 3, right: bool = True) -> Cell:
     if not _is_number(value):
         text = str(value)
         return Cell(text, "text" if len(text) > _LONG else "")
-    shown = str(value) if isinstance(value, int) else number(float(value), digits)
-    return Cell(shown, "n" if right else "", None if np.isnan(float(value)) else float(value))
+    digits_text = str(value) if isinstance(value, int) else number(float(value), digits)
+    return Cell(digits_text, "n" if right else "", None if np.isnan(float(value)) else float(value))
 
 
 @dataclass(frozen=True)
@@ -177,13 +177,13 @@ class Section:
     @property
     def shown(self) -> list[Part]:
         """The parts that hold anything."""
-        return [part for part in self.parts if _holds(part)]
+        return [block for block in self.parts if _holds(block)]
 
 
-def _holds(part: Part) -> bool:
-    if isinstance(part, Table):
-        return bool(part.rows)
-    return bool(part.all) if isinstance(part, Pictures) else True
+def _holds(block: Part) -> bool:
+    if isinstance(block, Table):
+        return bool(block.rows)
+    return bool(block.all) if isinstance(block, Pictures) else True
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -221,4 +221,4 @@ def _drawn(figure: Figure) -> str:
 
 def side_by_side(*pictures: Picture | None) -> Pictures:
     """Those of the pictures that are there, in one row where there is room."""
-    return Pictures(tuple(one for one in pictures if one is not None))
+    return Pictures(tuple(each for each in pictures if each is not None))

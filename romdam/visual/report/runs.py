@@ -61,7 +61,7 @@ def runs_section(subject: Subject) -> Section:
         notes.append(
             Text("Measures are those of what was analysed, beside the time that was recorded.", True)
         )
-    ordered = next((k for k, one in enumerate(columns) if one.name == subject.response), None)
+    ordered = next((k for k, column in enumerate(columns) if column.name == subject.response), None)
     table = Table(head, rows, label="All runs", sortable=True, descending=ordered)
     return Section("runs", "All runs", [*notes, table])
 
@@ -81,7 +81,7 @@ def worst_section(subject: Subject) -> Section | None:
 
 def _beyond(subject: Subject, worst: xr.Dataset) -> str:
     """Sentence on records that were not run, from the largest response."""
-    factor, unit = plots.shown(worst.response, worst.attrs["response_units"])
+    factor, unit = plots.display_unit(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
     return (
         f"None of {count} records exceeds {largest} {unit}; of others like them at most "
@@ -97,7 +97,7 @@ def label(summary: xr.Dataset, at: Place) -> str:
         scale = float(summary.scale[at[1]])
         words.append(f"{number(scale)} {unit}" if unit else f"× {number(scale)}")
     for name, values in parameters(summary).items():
-        factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+        factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
         words.append(f"{name} {number(factor * float(values[at[2]]))} {unit}".rstrip())
     return words[0] + ("\n" + ", ".join(words[1:]) if words[1:] else "")
 
@@ -115,7 +115,7 @@ def _by_response(subject: Subject) -> list[Place]:
 
 
 def _table(columns: Sequence[_Column], places: Sequence[Place]) -> tuple[list[str], list[list[Value]]]:
-    return [one.head for one in columns], [[one.cell(at) for one in columns] for at in places]
+    return [column.head for column in columns], [[column.cell(at) for column in columns] for at in places]
 
 
 def _columns(subject: Subject) -> list[_Column]:
@@ -142,7 +142,7 @@ def _columns(subject: Subject) -> list[_Column]:
 
 def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
     """A column of a variable, in a unit that suits its numbers."""
-    factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+    factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
     dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
     numbers = factor * values.transpose(*(RUNS[k] for k in dims)).values.astype(float)
 

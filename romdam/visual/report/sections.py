@@ -54,7 +54,7 @@ def report_html(subject: Subject) -> str:
         response_of(subject.summary, subject.topic.response)
     intensity_of(subject.summary, subject.topic.intensity)
     with mpl.rc_context(STYLE):
-        sections = [one for make in SECTIONS if (one := make(subject)) is not None]
+        sections = [section for make in SECTIONS if (section := make(subject)) is not None]
     return page(str(subject.summary.attrs.get("title", "Suite")), _about(subject), sections, _facts(subject))
 
 
@@ -67,8 +67,8 @@ def write_report(subject: Subject, folder: Path) -> Path:
         for a name that the suite does not have, and where the folder refuses the file.
     """
     text = report_html(subject)
-    with replacing(folder / REPORT) as part:
-        part.write_text(text, encoding="utf-8")
+    with replacing(folder / REPORT) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
     return folder / REPORT
 
 
@@ -79,21 +79,21 @@ def _about(subject: Subject) -> str:
         for dim in RUNS
         if dim == "record" or summary.sizes[dim] > 1
     )
-    made = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
-    return f"{size}; summary of {made}"
+    created = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
+    return f"{size}; summary of {created}"
 
 
 def _facts(subject: Subject) -> list[Fact]:
     summary, failed = subject.summary, int((subject.summary.status > 0).sum())
     cpu = values_of(subject, "cpu_seconds")
-    found = [Fact("runs", f"{summary.status.size}"), Fact("of them failed", f"{failed}", failed > 0)]
+    facts = [Fact("runs", f"{summary.status.size}"), Fact("of them failed", f"{failed}", failed > 0)]
     if subject.done and subject.response:
         values = response_of(summary, subject.response)
-        factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
+        factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
         largest = f"{number(factor * float(values.max()))} {unit}"
-        found.append(Fact(f"largest {plain(subject.response)}", largest))
+        facts.append(Fact(f"largest {plain(subject.response)}", largest))
     seconds = f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–"
-    return [*found, Fact("CPU of all runs", seconds)]
+    return [*facts, Fact("CPU of all runs", seconds)]
 
 
 def _scene(subject: Subject) -> Section | None:
@@ -143,8 +143,8 @@ def _what(subject: Subject) -> Section:
 
 def _range(name: str, values: xr.DataArray) -> list[Value]:
     low, middle, high = (float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
-    factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
-    numbers = (factor * one for one in (low, middle, high))
+    factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
+    numbers = (factor * value for value in (low, middle, high))
     return [name, unit, *numbers, str(values.attrs.get("long_name", ""))]
 
 
@@ -170,8 +170,8 @@ def _records(subject: Subject) -> Section:
             whole = [float(summary[f"recorded_{name}"].median())] if cut else []
             meaning = str(about.get("long_name", name)).partition(", of the ")[0]
             rows.append([name, unit, *numbers, *whole, int(finite.size), meaning])
-    beside = ["median of the whole"] if cut else []
-    head = ["measure", "unit", "lowest", "median", "highest", *beside, "n", "meaning"]
+    whole_record = ["median of the whole"] if cut else []
+    head = ["measure", "unit", "lowest", "median", "highest", *whole_record, "n", "meaning"]
     said = [Text(_analysed(summary))] if cut else []
     return Section("records", "Records", [*parts, *said, Table(head, rows, "Measures of the scaled records")])
 
@@ -208,7 +208,7 @@ def _speed(subject: Subject) -> Section:
             total = float(values.sum()) if unit == "s" else float("nan")
             rows.append([text, unit, float(np.median(values)), float(values.max()), total, int(values.size)])
     both = [values_of(subject, name, keep=True) for name in ("energy_residual", "energy_input")]
-    if all(one.size for one in both):
+    if all(runs.size for runs in both):
         share = 100.0 * np.abs(both[0]) / np.where(both[1] == 0.0, np.nan, np.abs(both[1]))
         share = share[np.isfinite(share)]
         if share.size:

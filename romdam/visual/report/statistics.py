@@ -37,15 +37,15 @@ def responses_section(subject: Subject) -> Section | None:
         values = turned(subject.summary[name])
         rest = [dim for dim in values.dims if dim not in RUNS]
         for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
-            one = values.isel(dict(zip(rest, at, strict=True)))
-            finite = one.values[np.isfinite(one.values)]
+            of_place = values.isel(dict(zip(rest, at, strict=True)))
+            finite = of_place.values[np.isfinite(of_place.values)]
             if finite.size:
-                factor, unit = plots.shown(values, str(values.attrs.get("units", "1")))
-                where = " ".join(str(one.coords[dim].values) for dim in rest if dim in one.coords)
+                factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
+                where = " ".join(str(of_place.coords[dim].values) for dim in rest if dim in of_place.coords)
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
                 row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
                 numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
-                rows.append([_told(values), where, unit, *numbers, int(finite.size)])
+                rows.append([_label(values), where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
@@ -55,7 +55,7 @@ def responses_section(subject: Subject) -> Section | None:
     return Section("responses", "Openings and other responses", [*parts, table, sign])
 
 
-def _told(values: xr.DataArray) -> str:
+def _label(values: xr.DataArray) -> str:
     """Name of a response as words; of an energy that it is that at the end, as its long name says."""
     ends = str(values.attrs.get("long_name", "")).endswith(AT_THE_END)
     return plain(str(values.name)) + (AT_THE_END if ends else "")
@@ -66,7 +66,7 @@ def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
     numbers = np.where(np.abs(numbers) < _ROUND_OFF * overall, 0.0, numbers)
     largest = float(np.abs(numbers).max())
     places = 4 - int(np.floor(np.log10(largest))) if largest > 0.0 else 0
-    return [float(one) for one in np.round(numbers, places) + 0.0]
+    return [float(value) for value in np.round(numbers, places) + 0.0]
 
 
 def _envelopes(subject: Subject) -> Pictures:
@@ -83,8 +83,8 @@ def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
     finite = values.values[np.isfinite(values.values) & (values.values > 0.0)]
     if not finite.size:
         return ()
-    found = (float(f"{q:.1g}") for q in np.quantile(finite, (0.3, 0.5, 0.7)))
-    return tuple(dict.fromkeys(found))
+    rounded = (float(f"{q:.1g}") for q in np.quantile(finite, (0.3, 0.5, 0.7)))
+    return tuple(dict.fromkeys(rounded))
 
 
 def fragility_section(subject: Subject) -> Section | None:
@@ -95,7 +95,7 @@ def fragility_section(subject: Subject) -> Section | None:
     ida = ida_curves(summary, response, intensity)
     values = response_of(summary, response)
     chosen = subject.topic.thresholds or thresholds_of(values)
-    fits = [fragility(summary, response, one, intensity) for one in chosen]
+    fits = [fragility(summary, response, threshold, intensity) for threshold in chosen]
     pictures: list[Picture] = []
     if not ida.attrs["statement"]:
         caption = f"Incremental dynamic analysis, {runs_text(ida)}."
@@ -135,7 +135,7 @@ def _method(fit: xr.Dataset, asked: bool) -> str:
 def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
     if not fits:
         return Table([], [])
-    factor, unit = plots.shown(
+    factor, unit = plots.display_unit(
         np.array([f.attrs["threshold"] for f in fits]), str(values.attrs.get("units", "1"))
     )
     measure = plots.unit_text(str(fits[0].attrs["intensity_units"]))
@@ -163,23 +163,28 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
 def correlation_section(subject: Subject) -> Section | None:
     if not subject.done or not subject.response:
         return None
-    found, title = correlation(subject.summary, subject.response), "Correlation with the records' measures"
-    if found.attrs["statement"]:
-        return Section("correlation", title, [Text(f"No correlation: {found.attrs['statement']}.")])
-    closest = str(found.measure.values[int(np.nanargmax(abs(found.spearman.values)))])
-    said = f"Rank correlation over records within each scale, samples by their median; {runs_text(found)}."
-    beside = f"Records against {closest}, each scale by itself, samples by their median."
+    correlated, title = (
+        correlation(subject.summary, subject.response),
+        "Correlation with the records' measures",
+    )
+    if correlated.attrs["statement"]:
+        return Section("correlation", title, [Text(f"No correlation: {correlated.attrs['statement']}.")])
+    closest = str(correlated.measure.values[int(np.nanargmax(abs(correlated.spearman.values)))])
+    said = (
+        f"Rank correlation over records within each scale, samples by their median; {runs_text(correlated)}."
+    )
+    remark = f"Records against {closest}, each scale by itself, samples by their median."
     drawings = side_by_side(
-        picture(plots.correlation_figure(found), said),
-        picture(plots.scatter_figure(subject.summary, subject.response, closest), beside),
+        picture(plots.correlation_figure(correlated), said),
+        picture(plots.scatter_figure(subject.summary, subject.response, closest), remark),
     )
     names = [f"{name}_at_scale" for name in ("spearman", "pearson", "slope", "dispersion", "count")]
     rows: list[list[Value]] = []
-    for i, k in np.ndindex(found.spearman_at_scale.shape):
-        one = found.isel(measure=i, scale=k)
-        *numbers, records = (float(one[name]) for name in names)
-        rows.append([str(one.measure.values), float(one.scale), *numbers, int(records)])
-    head = ["measure", f"scale{in_unit(found.scale)}", "rank correlation", "correlation of logs"]
+    for i, k in np.ndindex(correlated.spearman_at_scale.shape):
+        coefficient = correlated.isel(measure=i, scale=k)
+        *numbers, records = (float(coefficient[name]) for name in names)
+        rows.append([str(coefficient.measure.values), float(coefficient.scale), *numbers, int(records)])
+    head = ["measure", f"scale{in_unit(correlated.scale)}", "rank correlation", "correlation of logs"]
     head += ["slope of logs", "dispersion of ln", "records"]
     return Section("correlation", title, [drawings, Table(head, rows)])
 
@@ -187,25 +192,26 @@ def correlation_section(subject: Subject) -> Section | None:
 def sensitivity_section(subject: Subject) -> Section | None:
     if not subject.done or not subject.response or not parameters(subject.summary):
         return None
-    found = sensitivity(subject.summary, subject.response)
+    strength = sensitivity(subject.summary, subject.response)
     title = "Sensitivity to the parameters"
-    if found.attrs["statement"]:
-        return Section("sensitivity", title, [Text(f"No sensitivity: {found.attrs['statement']}.")])
+    if strength.attrs["statement"]:
+        return Section("sensitivity", title, [Text(f"No sensitivity: {strength.attrs['statement']}.")])
     caption = (
-        f"{found.attrs['samples']} samples, {runs_text(found)}; bounds of 95 % by {found.attrs['bounds']}; "
-        f"the regression explains {number(100 * float(found.r_squared))} % of the ranks' variance."
+        f"{strength.attrs['samples']} samples, {runs_text(strength)}; bounds of 95 % by "
+        f"{strength.attrs['bounds']}; "
+        f"the regression explains {number(100 * float(strength.r_squared))} % of the ranks' variance."
     )
     rows: list[list[Value]] = [
         [
-            str(one.parameter.values),
+            str(parameter.parameter.values),
             *(
-                _bounded(float(one[name]), one[f"{name}_bounds"].values)
+                _bounded(float(parameter[name]), parameter[f"{name}_bounds"].values)
                 for name in ("regression", "spearman")
             ),
         ]
-        for one in (found.isel(parameter=k) for k in range(found.sizes["parameter"]))
+        for parameter in (strength.isel(parameter=k) for k in range(strength.sizes["parameter"]))
     ]
-    drawing = picture(plots.sensitivity_figure(found), caption)
+    drawing = picture(plots.sensitivity_figure(strength), caption)
     head = ["parameter", "standardised regression", "rank correlation"]
     return Section("sensitivity", title, [side_by_side(drawing), Table(head, rows)])
 

@@ -112,9 +112,9 @@ def in_unit(values: xr.DataArray) -> str:
     return f" [{unit}]" if unit else ""
 
 
-def runs_text(found: xr.Dataset) -> str:
+def runs_text(summary: xr.Dataset) -> str:
     """The number of runs that a statistic is made of, as words."""
-    failed = found.attrs["failed"]
-    return f"{found.attrs['runs']} runs" + (
+    failed = summary.attrs["failed"]
+    return f"{summary.attrs['runs']} runs" + (
         f", {failed} failed one{'s' * (failed > 1)} left out" if failed else ""
     )

@@ -100,14 +100,14 @@ class Moving:
     @property
     def points(self) -> Floats:
         """Points of all surfaces, (n, 3) [m]."""
-        return np.concatenate([one.points for one in self.surfaces])
+        return np.concatenate([surface.points for surface in self.surfaces])
 
     def numbered(self) -> Iterator[tuple[Surface, Ints, Ints]]:
         """Surfaces with their triangles and edges in the numbers of `points`."""
         first = 0
-        for one in self.surfaces:
-            yield one, one.triangles + first, one.edges + first
-            first += len(one.points)
+        for surface in self.surfaces:
+            yield surface, surface.triangles + first, surface.edges + first
+            first += len(surface.points)
 
 
 def moving(result: Result, frames: Frames) -> Moving:
@@ -136,7 +136,7 @@ def moving(result: Result, frames: Frames) -> Moving:
 def _surface(result: Result, name: str) -> tuple[Surface, Ints]:
     """A block's outer facets by the corners of its cells, and the nodes that they are."""
     facets = np.concatenate(
-        [_corner_facets(kind.name, own) for kind, _, own in kinds_of(*result.cells(name))]
+        [_corner_facets(kind.name, cells) for kind, _, cells in kinds_of(*result.cells(name))]
     )
     keys = np.sort(facets, axis=1)
     twice = keys[:, 1:] == keys[:, :-1]  # triangles have a corner that stands twice, whichever it is
@@ -145,9 +145,9 @@ def _surface(result: Result, name: str) -> tuple[Surface, Ints]:
     _, back, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     outer = facets[counts[back.ravel()] == 1]
     nodes, numbered = np.unique(outer, return_inverse=True)
-    own = numbered.reshape(outer.shape)
-    triangles = np.concatenate([own[:, [0, 1, 2]], own[own[:, 2] != own[:, 3]][:, [0, 2, 3]]])
-    edges = np.sort(np.stack([own, np.roll(own, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    corners = numbered.reshape(outer.shape)
+    triangles = np.concatenate([corners[:, [0, 1, 2]], corners[corners[:, 2] != corners[:, 3]][:, [0, 2, 3]]])
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0)
     return Surface(name, result.points(name)[nodes], triangles, edges), nodes
 
@@ -161,13 +161,13 @@ def _corner_facets(element: str, cells: Ints) -> Ints:
 
 def _major_stress(result: Result, name: str, nodes: Ints, times: Floats) -> Floats:
     """Major principal stress (frames, n) of a block's nodes [Pa], NaN where the result has none."""
-    found = np.full((len(times), len(nodes)), np.nan)
+    major = np.full((len(times), len(nodes)), np.nan)
     dataset = result.dataset
     if "stress_file" in dataset.attrs and name in dataset.stress_block.values:
         known = np.intersect1d(nodes, dataset.stress_node_number.values[dataset.stress_block.values == name])
         stress = result.stress(name, nodes=known, times=list(times)).values
-        found[:, np.searchsorted(nodes, known)] = principal_stresses(stress)[..., 0]
-    return found
+        major[:, np.searchsorted(nodes, known)] = principal_stresses(stress)[..., 0]
+    return major
 
 
 def _displacements(axes: dict[str, Floats], moved: Floats) -> list[Field]:

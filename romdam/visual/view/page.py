@@ -19,7 +19,7 @@ MISSING = -32_767
 _COLOURS = 256
 
 
-def write_page(shown: Moving, path: Path) -> Path:
+def write_page(motion: Moving, path: Path) -> Path:
     """Write the page; numbers of fields are kept to 1/32000 of their largest.
 
     Raises
@@ -28,49 +28,49 @@ def write_page(shown: Moving, path: Path) -> Path:
         where the folder or the disk refuses it.
     """
     text = files("romdam.visual.view").joinpath("page.html").read_text(encoding="utf-8")
-    data = json.dumps(_data(shown), separators=(",", ":")).replace("<", "\\u003c")
-    text = text.replace("{{title}}", escape(f"{shown.title} · {shown.record}")).replace("{{data}}", data)
-    with replacing(path) as part:
-        part.write_text(text, encoding="utf-8")
+    data = json.dumps(_data(motion), separators=(",", ":")).replace("<", "\\u003c")
+    text = text.replace("{{title}}", escape(f"{motion.title} · {motion.record}")).replace("{{data}}", data)
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
     return path
 
 
-def _data(shown: Moving) -> dict[str, object]:
+def _data(motion: Moving) -> dict[str, object]:
     """Data of `page.html`: texts and numbers as they are, arrays as base64 of little-endian numbers."""
-    moved, most = _short(shown.moved)
+    moved, most = _short(motion.moved)
     blocks = [
-        {"name": one.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}
-        for one, triangles, edges in shown.numbered()
+        {"name": surface.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}
+        for surface, triangles, edges in motion.numbered()
     ]
     return {
-        "title": shown.title,
-        "record": shown.record,
-        "times": [round(float(t), 6) for t in shown.times],
-        "points": _packed(shown.points, "<f4"),
+        "title": motion.title,
+        "record": motion.record,
+        "times": [round(float(t), 6) for t in motion.times],
+        "points": _packed(motion.points, "<f4"),
         "moved": _packed(moved, "<i2"),
         "most": most,
-        "scale": shown.scale,
-        "upstream": None if shown.upstream is None else [float(x) for x in shown.upstream],
+        "scale": motion.scale,
+        "upstream": None if motion.upstream is None else [float(x) for x in motion.upstream],
         "blocks": blocks,
-        "fields": [_field(one) for one in shown.fields],
+        "fields": [_field(field) for field in motion.fields],
     }
 
 
-def _field(one: Field) -> dict[str, object]:
-    colours = np.round(255.0 * one.colours(np.linspace(0.0, 1.0, _COLOURS))[:, :3])
-    found: dict[str, object] = {
-        "name": one.name,
-        "unit": one.unit,
-        "factor": one.factor,
-        "low": one.low,
-        "high": one.high,
+def _field(field: Field) -> dict[str, object]:
+    colours = np.round(255.0 * field.colours(np.linspace(0.0, 1.0, _COLOURS))[:, :3])
+    document: dict[str, object] = {
+        "name": field.name,
+        "unit": field.unit,
+        "factor": field.factor,
+        "low": field.low,
+        "high": field.high,
         "colours": _packed(colours, "<u1"),
-        "axis": None if one.axis is None else [float(x) for x in one.axis],
+        "axis": None if field.axis is None else [float(x) for x in field.axis],
     }
-    if one.values is not None:
-        values, most = _short(one.values)
-        found |= {"values": _packed(values, "<i2"), "most": most}
-    return found
+    if field.values is not None:
+        values, most = _short(field.values)
+        document |= {"values": _packed(values, "<i2"), "most": most}
+    return document
 
 
 def _short(values: Floats) -> tuple[Floats, float]:

@@ -43,22 +43,22 @@ class Window:
 
     Parameters
     ----------
-    shown : the motion
+    motion : what the window shows
     off_screen : draw without a screen
     """
 
-    def __init__(self, shown: Moving, *, off_screen: bool = False) -> None:
+    def __init__(self, motion: Moving, *, off_screen: bool = False) -> None:
         import pyvista
 
-        self.shown, self.frame, self.field = shown, int(np.argmax(np.abs(shown.moved).max(axis=(1, 2)))), 0
+        self.motion, self.frame, self.field = motion, int(np.argmax(np.abs(motion.moved).max(axis=(1, 2)))), 0
         self.plotter: Any = pyvista.Plotter(
-            off_screen=off_screen, window_size=list(_SIZE), title=f"{shown.title}: {shown.record}"
+            off_screen=off_screen, window_size=list(_SIZE), title=f"{motion.title}: {motion.record}"
         )
         self.plotter.set_background("white")
-        found = list(shown.numbered())
-        triangles, edges = (np.concatenate([one[k] for one in found]) for k in (1, 2))
-        self.surface = pyvista.PolyData.from_regular_faces(shown.points, triangles)
-        self.edges = pyvista.PolyData(shown.points)
+        numbered = list(motion.numbered())
+        triangles, edges = (np.concatenate([surface[k] for surface in numbered]) for k in (1, 2))
+        self.surface = pyvista.PolyData.from_regular_faces(motion.points, triangles)
+        self.edges = pyvista.PolyData(motion.points)
         self.edges.lines = np.column_stack([np.full(len(edges), 2), edges]).ravel()
         self._add_field()
         lines = self.plotter.add_mesh(self.edges, color=EDGES, line_width=1, opacity=0.35, pickable=False)
@@ -84,34 +84,34 @@ class Window:
 
     def move_to(self, time: float) -> None:
         """Show the frame nearest to a time [s]."""
-        self.frame = int(np.abs(self.shown.times - time).argmin())
+        self.frame = int(np.abs(self.motion.times - time).argmin())
         self._update()
 
     def next_field(self) -> None:
         """Show another field."""
-        self.field = (self.field + 1) % len(self.shown.fields)
+        self.field = (self.field + 1) % len(self.motion.fields)
         self._add_field()
         self.plotter.render()
 
     def look(self, side: float) -> None:
         """Look from upstream (1) or from downstream (-1); from -y and +y where the stream is not known."""
-        upstream = np.array([0.0, -1.0, 0.0]) if self.shown.upstream is None else self.shown.upstream
+        upstream = np.array([0.0, -1.0, 0.0]) if self.motion.upstream is None else self.motion.upstream
         aside = 0.5 * np.cross(upstream, [0.0, 0.0, 1.0])
         self.plotter.view_vector(side * (upstream + aside) + [0.0, 0.0, 0.45], viewup=(0.0, 0.0, 1.0))
 
     def _add_field(self) -> None:
-        one = self.shown.fields[self.field]
+        field = self.motion.fields[self.field]
         for title in list(self.plotter.scalar_bars.keys()):
             self.plotter.remove_scalar_bar(title)
         self._update()
         self.plotter.add_mesh(
-            self.surface, name="surface", scalars="values", cmap=one.colours, nan_color="#D9D9D9",
-            clim=(one.factor * one.low, one.factor * one.high), lighting=False, reset_camera=False,
-            scalar_bar_args={"title": f"{one.name} [{one.unit}]", "color": "black", "fmt": "%.3g"},
+            self.surface, name="surface", scalars="values", cmap=field.colours, nan_color="#D9D9D9",
+            clim=(field.factor * field.low, field.factor * field.high), lighting=False, reset_camera=False,
+            scalar_bar_args={"title": f"{field.name} [{field.unit}]", "color": "black", "fmt": "%.3g"},
         )  # fmt: skip
 
     def _add_controls(self) -> None:
-        times = self.shown.times
+        times = self.motion.times
         if len(times) > 1:
             self.plotter.add_slider_widget(
                 self.move_to, (float(times[0]), float(times[-1])), value=float(times[self.frame]),
@@ -123,7 +123,7 @@ class Window:
             self.plotter.add_key_event(key, lambda side=side: self.look(side))
 
     def _update(self) -> None:
-        moved = self.shown.moved[self.frame]
+        moved = self.motion.moved[self.frame]
         for mesh in (self.surface, self.edges):
-            mesh.points = self.shown.points + self.shown.scale * moved
-        self.surface.point_data["values"] = self.shown.fields[self.field].of(moved, self.frame)
+            mesh.points = self.motion.points + self.motion.scale * moved
+        self.surface.point_data["values"] = self.motion.fields[self.field].of(moved, self.frame)
