@@ -71,9 +71,9 @@ def test_only_joints_that_slide_are_followed_for_as_long_as_they_move(monkeypatc
 
     monkeypatch.setattr(estimate, "run_window", larger)
     law = SimpleNamespace(directions=directions, joints={"J": slice(0, 3)}, laws=())
-    finer = SimpleNamespace(
-        prepared=SimpleNamespace(system=SimpleNamespace(law=law, needs_whole_record=False))
-    )
+    system = SimpleNamespace(law=law, needs_whole_record=False, floating=False)
+    prepared = SimpleNamespace(system=system, integrator=SimpleNamespace(resumes=True))
+    finer = SimpleNamespace(prepared=prepared)
     settings = SimpleNamespace(steps=SimpleNamespace(interval=INTERVAL))
     statement = estimate_error(finer, run, None, settings)
     assert asked[0] == pytest.approx(seconds, abs=0.2)
