@@ -100,24 +100,26 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.pipeline != "comparison":
         return _check(job, clock, open_store(cache))
     asked, variants = comparable_variants(job)
-    found, failed = dict[str, Check](), list[str]()
+    checks, failed = dict[str, Check](), list[str]()
     for name, variant in variants.items():
         try:
-            found[name] = _check(variant, clock, open_store(cache))
+            checks[name] = _check(variant, clock, open_store(cache))
         except RomdamError as error:
             if name == asked.against:
                 raise
             failed.append(f"{name}: {error}")
-    each = found.values()
-    known = all(one.costs for one in each)
+    each = checks.values()
+    known = all(checked_job.costs for checked_job in each)
     return replace(
-        found[asked.against],
-        costs={name: sum(one.costs[name] for one in each) for name in COSTS} if known else {},
-        memory=max(one.memory for one in each),
-        file_size=sum(one.file_size for one in each),
-        warnings=tuple(dict.fromkeys([*failed, *(text for one in each for text in one.warnings)])),
+        checks[asked.against],
+        costs={name: sum(checked_job.costs[name] for checked_job in each) for name in COSTS} if known else {},
+        memory=max(checked_job.memory for checked_job in each),
+        file_size=sum(checked_job.file_size for checked_job in each),
+        warnings=tuple(
+            dict.fromkeys([*failed, *(text for checked_job in each for text in checked_job.warnings)])
+        ),
         skipped=(
-            *(text for text in dict.fromkeys(text for one in each for text in one.skipped)),
+            *(text for text in dict.fromkeys(text for checked_job in each for text in checked_job.skipped)),
             f"blocks and joints of other variants than {asked.against!r} are checked and not listed",
         ),
     )
@@ -294,6 +296,6 @@ def _row_bytes(model: Model) -> float:
 def _memory(model: Model, steps: int, stride: int) -> float:
     """The longest run, basis, operators, and the libraries."""
     libraries = 250e6
-    basis = sum(own.vectors.nbytes for own in model.reduced.basis.values()) if model.reduced else 0
+    basis = sum(block.vectors.nbytes for block in model.reduced.basis.values()) if model.reduced else 0
     operators = 8.0 * (model.system.B.nnz * 2 + float(model.system.B.shape[0]) ** 2 * 2)
     return libraries + run_bytes(model.system, steps, steps / stride + 1) + 2.0 * basis + operators

@@ -116,14 +116,14 @@ def of_whole(
 def _run_parts(job: Job, model: Model, motion: GroundMotion, share: float) -> dict[str, float]:
     """CPU seconds of running a share of a record, in parts at equal distances, each from rest."""
     costs = dict.fromkeys(COSTS, 0.0)
-    for part in record_parts(motion, run_seconds(job, motion), share):
-        length = run_seconds(job, motion) if share >= 1.0 else part.duration
+    for window in record_parts(motion, run_seconds(job, motion), share):
+        length = run_seconds(job, motion) if share >= 1.0 else window.duration
         transient = job.config.transient.model_copy(update={"duration": length})
         cut = replace(job, config=job.config.model_copy(update={"transient": transient}))
         times = [cpu_time()]
-        history = simulate_motion(cut, model.prepared, part, length)
+        history = simulate_motion(cut, model.prepared, window, length)
         times.append(cpu_time())
-        history, _ = with_estimates(cut, model, part, history)
+        history, _ = with_estimates(cut, model, window, history)
         times.append(cpu_time())
         stress_of(model.scene, model.stress, history)
         times.append(cpu_time())

@@ -78,8 +78,8 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))
     for name, text in files.items():
-        with replacing(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
+        with replacing(folder / name) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     duration = motion.steps * motion.dt
     said = f"{motion.name}: {motion.steps} steps of {1e3 * motion.dt:g} ms, {duration:g} s"
     return Exported(tuple(folder / name for name in files), stated, said)

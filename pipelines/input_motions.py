@@ -51,18 +51,20 @@ def records_of(job: Job, folder: Path | None = None) -> Read:
     """
     considered: list[Loaded] = []
     loaded = list(load_records(job.config.records, job.folder, considered.append))
-    motions = [one.motion for one in loaded if one.motion is not None]
+    motions = [record.motion for record in loaded if record.motion is not None]
     if not motions:
-        failed = "\n".join(located(job, one.error) for one in loaded)
+        failed = "\n".join(located(job, record.error) for record in loaded)
         raise RecordError(failed or "records: none passes `keep`")
     check_names(motions)
     taken, read = {motion.name for motion in motions}, dict[str, GroundMotion | str]()
-    for one in loaded:
-        if one.motion is not None:
-            read[one.motion.name] = one.motion
+    for record in loaded:
+        if record.motion is not None:
+            read[record.motion.name] = record.motion
             continue
-        names = (one.name, *(f"{one.name} ({number})" for number in range(2, len(loaded) + 2)))
-        read[next(name for name in names if name not in taken and name not in read)] = located(job, one.error)
+        names = (record.name, *(f"{record.name} ({number})" for number in range(2, len(loaded) + 2)))
+        read[next(name for name in names if name not in taken and name not in read)] = located(
+            job, record.error
+        )
     if folder is not None:
         write_choice(considered, folder)
     return read
@@ -70,7 +72,7 @@ def records_of(job: Job, folder: Path | None = None) -> Read:
 
 def usable(read: Read) -> list[GroundMotion]:
     """The motions among records that were read."""
-    return [one for one in read.values() if isinstance(one, GroundMotion)]
+    return [motion for motion in read.values() if isinstance(motion, GroundMotion)]
 
 
 def job_and_motions(source: Source, motions: Motions | None) -> tuple[Job, list[GroundMotion] | None]:
@@ -85,12 +87,12 @@ def job_and_motions(source: Source, motions: Motions | None) -> tuple[Job, list[
     """
     if motions is None:
         return load_config(source), None
-    given = checked(motions)
+    checked_motions = checked(motions)
     if isinstance(source, Mapping):
         entry = {"file": "given in Python", "components": {"x": 1}}  # stands for a motion in checks
-        source = {**source, "records": [entry | {"name": f"motion{k}"} for k in range(len(given))]}
+        source = {**source, "records": [entry | {"name": f"motion{k}"} for k in range(len(checked_motions))]}
     job = load_config(source)
-    return replace(job, config=job.config.model_copy(update={"records": ()})), given
+    return replace(job, config=job.config.model_copy(update={"records": ()})), checked_motions
 
 
 def checked(motions: Motions) -> list[GroundMotion]:
@@ -104,23 +106,24 @@ def checked(motions: Motions) -> list[GroundMotion]:
     several = [motions] if isinstance(motions, GroundMotion) else list(motions)
     if not several:
         raise RecordError("motions: there is none; give one or more, or leave them out to run `records`")
-    found = [_checked(motion, f"motions[{k}]") for k, motion in enumerate(several)]
-    check_names(found)
-    return found
+    complete = [_checked(motion, f"motions[{k}]") for k, motion in enumerate(several)]
+    check_names(complete)
+    return complete
 
 
-def _checked(motion: GroundMotion, place: str) -> GroundMotion:
+def _checked(motion: GroundMotion, location: str) -> GroundMotion:
     if not isinstance(motion, GroundMotion):
         raise RecordError(
-            f"{place}: expected a romdam.GroundMotion, got {quote(motion)}; from_arrays makes one"
+            f"{location}: expected a romdam.GroundMotion, got {quote(motion)}; from_arrays makes one"
         )
-    again = GroundMotion.from_arrays(motion.name, motion.acc, motion.dt, place=place)
+    again = GroundMotion.from_arrays(motion.name, motion.acc, motion.dt, place=location)
     if not SHORTEST_DT <= again.dt <= LONGEST_DT:
         raise RecordError(
-            f"{place}, {motion.name}: dt must be from {SHORTEST_DT:g} to {LONGEST_DT:g} s, got {again.dt:g} s"
+            f"{location}, {motion.name}: dt must be from {SHORTEST_DT:g} to {LONGEST_DT:g} s, got "
+            f"{again.dt:g} s"
         )
-    doubts = too_strong(again.acc, f"{place}, {motion.name}")
+    remarks = too_strong(again.acc, f"{location}, {motion.name}")
     if drifts := doubt_drift(again.acc, again.dt):
-        doubts += (drifts,)
-    about = {"place": place, **motion.provenance, **again.provenance_of_arrays}
-    return replace(again, provenance=about, warnings=tuple(dict.fromkeys((*motion.warnings, *doubts))))
+        remarks += (drifts,)
+    about = {"place": location, **motion.provenance, **again.provenance_of_arrays}
+    return replace(again, provenance=about, warnings=tuple(dict.fromkeys((*motion.warnings, *remarks))))

@@ -115,17 +115,17 @@ def _dataset(job: Job, scene: Scene, options: ModesOptions) -> xr.Dataset:
     model = job.config.model
     solving = Solving(model.solver, model.memory)
     bonded = options.joints == "bonded" and bool(scene.joints)
-    found = natural_modes(scene, job.config.damping, options.count, bonded, solving)
+    computed = natural_modes(scene, job.config.damping, options.count, bonded, solving)
     values = {
-        "frequency": found.freq,
-        "dry_frequency": found.dry_freq,
-        "damping_ratio": found.damping_ratio,
-        "modal_mass": found.modal_mass,
-        "participation_factor": found.participation,
-        "effective_mass": found.effective_mass,
-        "motion_share": found.motion,
-        "total_mass": found.total_mass,
-        "shape": found.shapes,
+        "frequency": computed.freq,
+        "dry_frequency": computed.dry_freq,
+        "damping_ratio": computed.damping_ratio,
+        "modal_mass": computed.modal_mass,
+        "participation_factor": computed.participation,
+        "effective_mass": computed.effective_mass,
+        "motion_share": computed.motion,
+        "total_mass": computed.total_mass,
+        "shape": computed.shapes,
     }
     return modes_dataset(scene, values, job, options.joints)
 

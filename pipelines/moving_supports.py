@@ -25,7 +25,7 @@ def scene_of(job: Job) -> Scene:
     scene = build_scene(job.config, job.folder, str(job.path))
     if scene.moving is None:
         return scene
-    motions = tuple(_with_record(one, job) for one in scene.moving.motions)
+    motions = tuple(_with_record(motion, job) for motion in scene.moving.motions)
     return replace(scene, moving=replace(scene.moving, motions=motions))
 
 
@@ -33,10 +33,10 @@ def _with_record(motion: SupportMotion, job: Job) -> SupportMotion:
     entry = job.config.supports[motion.support].motion
     if entry is None or entry.record is None:
         return motion
-    records, place = load_motions([entry.record], job.folder), f"{job.path}: {motion.name}.motion.record"
+    records, location = load_motions([entry.record], job.folder), f"{job.path}: {motion.name}.motion.record"
     if len(records) != 1:
-        raise ConfigError(f"{place}: a support has one record, got {len(records)}; name one file")
-    refuse_drift(records[0], place)
+        raise ConfigError(f"{location}: a support has one record, got {len(records)}; name one file")
+    refuse_drift(records[0], location)
     return replace(motion, record=records[0])
 
 
@@ -51,7 +51,7 @@ def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:
         for several where a support has its own record.
     """
     moving = [support.motion for support in job.config.supports if support.motion is not None]
-    if any(one.record is not None for one in moving) and len(motions) > 1:
+    if any(support_motion.record is not None for support_motion in moving) and len(motions) > 1:
         raise ConfigError(
             f"{job.path}: supports: a support's own record goes with one record, and `records` has "
             f"{len(motions)}; name one, or give `delay` and `factor`"

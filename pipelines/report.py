@@ -24,7 +24,7 @@ from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
-from romdam.results.suite.rows import Place
+from romdam.results.suite.rows import RunIndex
 from romdam.results.suite.summary import SUMMARY, kept_results, open_summary
 from romdam.scene.build import build_scene
 from romdam.visual.report.sections import write_report
@@ -81,8 +81,8 @@ def report(
             return write_report(subject, folder)
 
 
-def _files(summary: xr.Dataset, folder: Path) -> dict[Place, list[tuple[str, str]]]:
-    """Place of a run -> text and address, from the folder, of its result and figures."""
+def _files(summary: xr.Dataset, folder: Path) -> dict[RunIndex, list[tuple[str, str]]]:
+    """Index of a run -> text and address, from the folder, of its result and figures."""
     results = {at: path for at, path in kept_results(summary, folder).items() if path.is_file()}
     figures: dict[Path, list[tuple[str, Path]]] = {}
     for inside in {path.parent for path in results.values()}:
@@ -116,31 +116,31 @@ def _topic(summary: xr.Dataset, options: ReportOptions, folder: Path) -> Topic:
         command += ["--intensity", options.intensity]
     thresholds = []
     response = options.response or next(iter(responses(summary)), "")
-    for one in options.thresholds:
+    for threshold in options.thresholds:
         units = str(response_of(summary, response).attrs.get("units", "1"))
         try:
-            value = to_si(one, units)
+            value = to_si(threshold, units)
         except ValueError as error:
-            raise ResultError(f"threshold {one}: {error}") from None
+            raise ResultError(f"threshold {threshold}: {error}") from None
         if value <= 0.0:
-            raise ResultError(f"threshold {one}: must be above 0, as every response is")
-        if isinstance(one, str) and units != "1" and not one.strip("+0123456789.eE- "):
-            raise ResultError(f"threshold {one}: has no unit; write {one} {units}, for example")
+            raise ResultError(f"threshold {threshold}: must be above 0, as every response is")
+        if isinstance(threshold, str) and units != "1" and not threshold.strip("+0123456789.eE- "):
+            raise ResultError(f"threshold {threshold}: has no unit; write {threshold} {units}, for example")
         thresholds.append(value)
-        command += ["--threshold", str(one)]
+        command += ["--threshold", str(threshold)]
     return Topic(options.response, options.intensity, tuple(thresholds), shlex.join(command))
 
 
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     """Refuse a configuration with another scene, model or records than the suite's."""
     stated = json.loads(str(summary.attrs["configuration"]))
-    made, now = (
+    created, now = (
         config.model_dump(mode="json", exclude=_BESIDE)
         for config in (parse_config(stated, f"{folder / SUMMARY}: configuration", si=True), job.config)
     )
     if now["model"]["modes"] == "auto":  # the summary states the number that it came to
-        now["model"]["modes"] = made["model"]["modes"]
-    other = [key for key in now if made[key] != now[key]]
+        now["model"]["modes"] = created["model"]["modes"]
+    other = [key for key in now if created[key] != now[key]]
     if other:
         raise ConfigError(
             f"{job.path}: is not the configuration of {folder / SUMMARY}, which has another "
@@ -161,7 +161,7 @@ def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
 def _motions(job: Job) -> dict[str, GroundMotion]:
     if job.config.pipeline != "suite":
         return {motion.name: motion for motion in usable(records_of(job))}
-    return {one.name: one.motion for one in read_records(job) if one.motion is not None}
+    return {record.name: record.motion for record in read_records(job) if record.motion is not None}
 
 
 def _picture(scene: Scene) -> bytes | None:

@@ -68,9 +68,9 @@ def prepare(
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
-    found = {} if like is None else like.found
+    prepared_before = {} if like is None else like.found
     ready = grouted(system, transient.tolerance)
-    return Prepared(ready, integrator_class(name).configured(transient), found=found)
+    return Prepared(ready, integrator_class(name).configured(transient), found=prepared_before)
 
 
 def simulate_motions(
@@ -101,19 +101,23 @@ def simulate_motions(
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
     _tell_shortened(job, settings)
     accuracy = job.config.transient.accuracy
-    kinds = [(one.integrator, own) for one, own in zip(prepared, settings, strict=True)]
+    kinds = [
+        (member.integrator, run_settings) for member, run_settings in zip(prepared, settings, strict=True)
+    ]
     outcomes: dict[int, Outcome] = {}
     for kind in dict.fromkeys(kinds):
         group = [i for i, other in enumerate(kinds) if other == kind]
-        some, own = [prepared[i] for i in group], kind[1]
+        some, run_settings = [prepared[i] for i in group], kind[1]
         grounds = [
             partial(ground_at_steps, motions[i], duration=duration, system=prepared[i].system) for i in group
         ]
         if accuracy is None:
-            made = simulate(some, [ground(own.steps.base) for ground in grounds], own, progress)
+            histories = simulate(
+                some, [ground(run_settings.steps.base) for ground in grounds], run_settings, progress
+            )
         else:
-            made = simulate_to(some, grounds, own, accuracy, progress)
-        outcomes.update(zip(group, made, strict=True))
+            histories = simulate_to(some, grounds, run_settings, accuracy, progress)
+        outcomes.update(zip(group, histories, strict=True))
     return [outcomes[i] for i in range(len(motions))]
 
 
@@ -122,7 +126,7 @@ def _tell_shortened(job: Job, settings: Sequence[Settings]) -> None:
     asked = job.config.transient.finest_step
     if asked is None:
         return
-    for finest in sorted({own.steps.finest for own in settings}):
+    for finest in sorted({run_settings.steps.finest for run_settings in settings}):
         if finest < asked * (1.0 - 1e-6):
             text = "%s: transient.finest_step: %.6g s is taken, a whole part of the record's step, not %.6g s"
             log.info(text, job.path, finest, asked)
@@ -160,9 +164,9 @@ def refuse_large(
     """
     need = steps = rows = 0.0
     for prepared, motion, settings in cases:
-        own = (motion.duration if duration is None else duration) / settings.steps.base
-        need += run_bytes(prepared.system, own, own / settings.steps.stride)
-        steps, rows = steps + own, rows + own / settings.steps.stride
+        count = (motion.duration if duration is None else duration) / settings.steps.base
+        need += run_bytes(prepared.system, count, count / settings.steps.stride)
+        steps, rows = steps + count, rows + count / settings.steps.stride
     names = ", ".join(motion.name for _, motion, _ in cases[:3])
     refuse_bytes(need, steps, rows, f"{job.path}: {names}")
 

@@ -18,23 +18,24 @@ _HISTORY = 32.0  # of every history of a free field: itself, its spectrum and th
 _SLACK = 1.0 + 1e-9
 
 
-def refuse_steps(seconds: float, dt: float, place: str) -> None:
+def refuse_steps(seconds: float, dt: float, location: str) -> None:
     """Refuse a number of steps that no run can have meant.
 
     Raises
     ------
     ConfigError
-        beginning with `place`, a file and what asks for the steps.
+        beginning with `location`, a file and what asks for the steps.
     """
     steps = seconds / dt
     if not steps * _SLACK >= 1.0:
         raise ConfigError(
-            f"{place}: {seconds:g} s are shorter than one step of {dt:g} s; shorten transient.finest_step, "
+            f"{location}: {seconds:g} s are shorter than one step of {dt:g} s; shorten "
+            "transient.finest_step, "
             "or lengthen transient.duration"
         )
     if steps > MOST_STEPS:
         raise ConfigError(
-            f"{place}: {seconds:g} s at {dt:g} s a step are {steps:.2g} steps, limit {MOST_STEPS:.0e}; "
+            f"{location}: {seconds:g} s at {dt:g} s a step are {steps:.2g} steps, limit {MOST_STEPS:.0e}; "
             "lengthen transient.finest_step (1 to 5 ms suit most dams), or shorten transient.duration"
         )
 
@@ -67,12 +68,12 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
         _refuse_rest(motion, length, f"{job.path}: {'transient.duration' if seconds is None else 'duration'}")
 
 
-def _refuse_rest(motion: GroundMotion, length: float, place: str) -> None:
+def _refuse_rest(motion: GroundMotion, length: float, location: str) -> None:
     """Refuse what ends before a record begins to move."""
     share, _ = analysed_share(motion, length)
     if share < LEAST_LEFT:
         raise ConfigError(
-            f"{place}: the first {length:g} s of {motion.name} have a peak of "
+            f"{location}: the first {length:g} s of {motion.name} have a peak of "
             f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, limit "
             f"{LEAST_LEFT:g} of that: nothing but rest would be run; leave the duration out, or make it "
             f"longer than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts "
@@ -94,18 +95,18 @@ def run_bytes(system: System, steps: float, rows: float) -> float:
     return (_STEP + _HISTORY * histories) * steps + 8.0 * row * rows
 
 
-def refuse_bytes(need: float, steps: float, rows: float, place: str) -> None:
+def refuse_bytes(need: float, steps: float, rows: float, location: str) -> None:
     """Refuse a run that does not fit in four fifths of the machine's memory.
 
     Raises
     ------
     ConfigError
-        beginning with `place`, a file and record.
+        beginning with `location`, a file and record.
     """
     limit = Solving().limit
     if need > limit:
         raise ConfigError(
-            f"{place}: {steps:.3g} steps and {rows:.3g} written rows would take {need / 1e9:.3g} GB of "
+            f"{location}: {steps:.3g} steps and {rows:.3g} written rows would take {need / 1e9:.3g} GB of "
             f"memory, limit {limit / 1e9:.3g} GB (four fifths of this machine's); lengthen "
             "outputs.output_interval, name fewer outputs.nodes, or shorten transient.duration"
         )

@@ -35,14 +35,16 @@ def stress_fields(
     sections, initial = modal_section_forces(scene, basis), initial_forces(scene, basis)
     moving = reduced.system.pseudo_static
     carried = {} if moving is None else carried_stress(scene, moving)
-    stress_carried = {name: own for name, (own, _) in carried.items()}
-    sections = with_carried(sections, {name: own for name, (_, own) in carried.items()})
+    stress_carried = {name: carried_by for name, (carried_by, _) in carried.items()}
+    sections = with_carried(sections, {name: carried_by for name, (_, carried_by) in carried.items()})
     made_of = {
-        name: digest_of_stress(operator, basis[name], name, own.nodes, offset[name], stress_carried.get(name))
-        for (name, own), operator in zip(scene.stress.blocks.items(), operators.values(), strict=True)
+        name: digest_of_stress(
+            operator, basis[name], name, sites.nodes, offset[name], stress_carried.get(name)
+        )
+        for (name, sites), operator in zip(scene.stress.blocks.items(), operators.values(), strict=True)
     }
     kept = {} if folder is None else kept_stress(folder, made_of)
-    found = kept or stress_factors(with_carried(modal_stress(operators, basis), stress_carried))
+    factors = kept or stress_factors(with_carried(modal_stress(operators, basis), stress_carried))
     return {
         name: StressFields(
             scene.stress.blocks[name].nodes,
@@ -53,7 +55,7 @@ def stress_fields(
             sections[name],
             initial[name],
         )
-        for name, fields in found.items()
+        for name, fields in factors.items()
     }
 
 
@@ -64,13 +66,13 @@ def stress_of(
     if scene.stress is None:
         return history, None
     if history.q is not None:
-        coordinates = {name: own.coordinates(history) for name, own in fields.items()}
+        coordinates = {name: stress.coordinates(history) for name, stress in fields.items()}
         source = StressHistory(
-            fields={name: own.fields for name, own in fields.items()},
+            fields={name: stress.fields for name, stress in fields.items()},
             coordinates={name: fields[name].combined(q) for name, q in coordinates.items()},
-            offset={name: own.offset for name, own in fields.items()},
+            offset={name: stress.offset for name, stress in fields.items()},
             sections=section_forces(
-                (coordinates[name], own.sections, own.section_offset) for name, own in fields.items()
+                (coordinates[name], stress.sections, stress.section_offset) for name, stress in fields.items()
             ),
         )
     else:

@@ -105,7 +105,7 @@ def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, Row])
     ----------
     rows : record -> row of every one that was run
     """
-    records = [unscaled(name, one) for name, one in read.items()]
+    records = [unscaled(name, motion) for name, motion in read.items()]
     design = design_dataset(job, suite_of(job), {})
     placed = {(i, 0, 0): rows[record.name] for i, record in enumerate(records) if record.name in rows}
     return summary_dataset(job, scene, design, records, placed)

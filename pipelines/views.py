@@ -111,11 +111,11 @@ def view_result(result: Result, page: Path | None, frames: Frames, show: Stage =
         prepare_folder(page.parent)
     clock = Clock(show)
     with clock.stage("fields", "rebuilding the motion"):
-        shown = moving(result, frames)
+        motion = moving(result, frames)
     if page is None:
-        Window(shown).open(result.path)
+        Window(motion).open(result.path)
         return None
     from romdam.visual.view.page import write_page
 
     with clock.stage("page", "writing the page"):
-        return write_page(shown, page)
+        return write_page(motion, page)

@@ -40,7 +40,7 @@ from romdam.records.record_set import load_motions
 from romdam.reduction.refinement import embedding, mesh_basis, much_finer
 from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
-from romdam.results.suite.design import parameter_places
+from romdam.results.suite.design import varied_keys
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
@@ -146,11 +146,12 @@ def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
     assert full.factor is not None
     begun = time.process_time()
     full.factor.solve(full.start)
-    one, solutions = time.process_time() - begun, 2 * replay_substeps(_interval(run)) * rows
+    seconds, solutions = time.process_time() - begun, 2 * replay_substeps(_interval(run)) * rows
     share = min(1.0, rows / _rows(run))
     return (
         f"{run.path}: {solutions} solutions with the mesh's {full.system.size} unknowns, about "
-        f"{solutions * one:.2g} s, over {100 * share:.0f} % of the record; beside it runs of a finer model"
+        f"{solutions * seconds:.2g} s, over {100 * share:.0f} % of the record; beside it runs of a finer "
+        "model"
     )
 
 
@@ -224,7 +225,7 @@ def _of_sample(job: Job, run: StoredRun) -> Job:
     if suite is None or not any(name.startswith(PARAMETER) for name in run.attributes):
         return job
     config, source = job.config, str(job.path)
-    places = parameter_places(job, suite)
+    places = varied_keys(job, suite)
     values = {name: float(str(run.attributes[PARAMETER + name])) for name in places}
     varied = vary(config, places, values, source)
     return replace(job, config=config.model_copy(update={"joints": varied.joints, "damping": varied.damping}))

@@ -64,7 +64,7 @@ def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | No
     done = [name for name in jobs if name in results]
     with ExitStack() as opened:
         runs = {name: opened.enter_context(open_result(results[name])) for name in done}
-        dataset = comparison_dataset({name: one.dataset for name, one in runs.items()}, job, asked)
+        dataset = comparison_dataset({name: result.dataset for name, result in runs.items()}, job, asked)
         paths = _write(folder, dataset, runs, Clock(show))
     return Comparison(dataset, variant_tables(dataset), paths, failures)
 
@@ -78,8 +78,8 @@ def comparable_variants(job: Job) -> tuple[ComparisonConfig, dict[str, Job]]:
         where a variant's keys are wrong, or it cannot be compared.
     """
     asked, jobs = comparison_of(job), variant_jobs(job)
-    for name, one in jobs.items():
-        _refuse(name, one, asked)
+    for name, variant in jobs.items():
+        _refuse(name, variant, asked)
     return asked, jobs
 
 
@@ -109,8 +109,8 @@ def _write(folder: Path, dataset: xr.Dataset, runs: dict[str, Result], clock: Cl
     tables = variant_tables(dataset)
     paths = [folder / "comparison.nc", folder / "comparison.md"]
     write_dataset(dataset, paths[0])
-    with replacing(paths[1]) as part:
-        part.write_text(markdown(tables), encoding="utf-8")
+    with replacing(paths[1]) as unfinished:
+        unfinished.write_text(markdown(tables), encoding="utf-8")
     paths += [write_csv(table.head, table.rows, folder / f"comparison-{table.name}.csv") for table in tables]
     with clock.stage("figures", "drawing figures"):
         figures = _figures(folder, dataset, runs)
@@ -124,13 +124,15 @@ def _figures(folder: Path, dataset: xr.Dataset, runs: dict[str, Result]) -> dict
     from romdam.visual.plots import save_figure
     from romdam.visual.variant_plots import HISTORIES
 
-    made = {name: draw(dataset) for name, draw in HISTORIES.items()}
+    figures = {name: draw(dataset) for name, draw in HISTORIES.items()}
     paths = {
         name: save_figure(figure, folder / f"comparison-{name}.png")
-        for name, figure in made.items()
+        for name, figure in figures.items()
         if figure is not None
     }
-    reduced = {name: one for name, one in runs.items() if one.dataset.attrs["model_order"] == "reduced"}
+    reduced = {
+        name: result for name, result in runs.items() if result.dataset.attrs["model_order"] == "reduced"
+    }
     try:
         return paths | draw_side_by_side(reduced, dataset.attrs["compared_component"], folder, "comparison")
     except ResultError as error:

@@ -95,7 +95,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     log_warnings(job, [motion])
     scene = scene_of(job)
     job = log_scene_warnings(scene, job)
-    steps = job.config.study.finest_steps or tuple(motion.dt / part for part in PARTS)
+    steps = job.config.study.finest_steps or tuple(motion.dt / division for division in PARTS)
     setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is None:
         stored, name = _reference(setup, clock)
@@ -122,10 +122,10 @@ def refuse_study(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
         )
-    if own := coupling(job.config):
+    if coupled := coupling(job.config):
         raise ConfigError(
-            f"{job.path}: {own.key}: a study compares integrators of modes that nothing couples, and "
-            f"{own.by} couple them; {own.remedy}"
+            f"{job.path}: {coupled.key}: a study compares integrators of modes that nothing couples, and "
+            f"{coupled.by} couple them; {coupled.remedy}"
         )
     if not job.config.every_joint:
         raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")

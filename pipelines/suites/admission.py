@@ -20,17 +20,17 @@ _SLACK = 1.0  # seconds that the start of a process is known to
 
 def installed() -> dict[str, str]:
     """Versions of what makes the numbers in this process, and the SHA-256 of romdam's sources."""
-    found = {"Python": platform.python_version().rpartition(".")[0]}
+    versions = {"Python": platform.python_version().rpartition(".")[0]}
     for name in ("romdam", *_NUMERICAL):
         try:
-            found[name] = str(import_module(name).__version__)
+            versions[name] = str(import_module(name).__version__)
         except Exception as error:  # whatever an import may raise
-            found[name] = f"not there ({error})"
+            versions[name] = f"not there ({error})"
     try:
-        found["the code of romdam"] = _code()
+        versions["the code of romdam"] = _code()
     except (ImportError, OSError) as error:
-        found["the code of romdam"] = f"not there ({error})"
-    return found
+        versions["the code of romdam"] = f"not there ({error})"
+    return versions
 
 
 def _code() -> str:
@@ -59,11 +59,11 @@ def problem(expected: dict[str, str], path: str) -> str:
     expected : what `installed` gives where the results are wanted
     path : of a file that was left in the folder of the results
     """
-    found = installed()
+    versions = installed()
     wrong = [
-        f"{name} is {found[name]}, here {value}"
+        f"{name} is {versions[name]}, here {value}"
         for name, value in expected.items()
-        if found[name] != value or value == _CHANGED
+        if versions[name] != value or value == _CHANGED
     ]
     if wrong:
         return f"{'; '.join(wrong)}; install the same there as here and start both again"

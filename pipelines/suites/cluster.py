@@ -90,13 +90,13 @@ class DaskPool:
         with _left_in(self._folder, b"") as (path, _):
             sent = _sent("problem(expected, path)", expected=self._expected, path=path)
             try:
-                found = self._client.run(eval, *sent, on_error="return", callback_timeout=3 * _ANSWER)
+                answers = self._client.run(eval, *sent, on_error="return", callback_timeout=3 * _ANSWER)
             except (TimeoutError, OSError) as error:
                 raise ConfigError(
                     f"{self._place}: not every worker answers within {3 * _ANSWER:g} s ({error}); stop those "
                     "that hang"
                 ) from None
-        refused = [f"worker {address}: {why}" for address, why in sorted(found.items()) if why]
+        refused = [f"worker {address}: {why}" for address, why in sorted(answers.items()) if why]
         if refused:
             more = f" (and {len(refused) - 1} more workers)" if len(refused) > 1 else ""
             raise ConfigError(f"{self._place}: {refused[0]}{more}")
@@ -267,17 +267,17 @@ def _client(scheduler: str) -> Client:
         raise ConfigError(
             "--scheduler: needs dask.distributed; install romdam with the extra `cluster`, or use --workers"
         ) from None
-    place = f"--scheduler {quote(scheduler)}"
+    location = f"--scheduler {quote(scheduler)}"
     try:
         kind = _asked(scheduler)
         if kind == "Scheduler":
             return distributed.Client(scheduler, timeout=_ANSWER, set_as_default=False)
     except Exception as error:  # whatever answers there: what it sends may fail in any way
         raise ConfigError(
-            f"{place}: no dask scheduler answers there ({_cause(error)}); give the address that it tells "
+            f"{location}: no dask scheduler answers there ({_cause(error)}); give the address that it tells "
             "when it starts, such as tcp://192.168.0.1:8786"
         ) from None
-    raise ConfigError(f"{place}: is the address of a dask {kind}, give that of the scheduler")
+    raise ConfigError(f"{location}: is the address of a dask {kind}, give that of the scheduler")
 
 
 def _asked(address: str) -> str:
@@ -290,8 +290,8 @@ def _asked(address: str) -> str:
 
     async def identity() -> dict[str, Any]:
         arguments = Security().get_connection_args("client")
-        async with rpc(address, timeout=_ANSWER, connection_args=arguments) as one:
-            return dict(await one.identity())
+        async with rpc(address, timeout=_ANSWER, connection_args=arguments) as connection:
+            return dict(await connection.identity())
 
     def ask() -> dict[str, Any]:
         return asyncio.run(asyncio.wait_for(identity(), _ANSWER + 1.0))

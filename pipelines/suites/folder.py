@@ -160,16 +160,16 @@ def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, 
     kept = {key: row.kept for key, row in rows.items() if row.kept is not None}
     # a run that has moved in the design has its file under the name of before until the suite is run again
     known = {kept[key].file if key in kept else file_name(run) for key, run in plan.first.items()}
-    known |= {name for one in kept.values() for name in one.shared.values()}
+    known |= {name for result in kept.values() for name in result.shared.values()}
     runs = [
         path
         for pattern in ("*.nc", "*.h5")
         for path in sorted((folder / RUNS_FOLDER).glob(pattern))
         if path.name not in known
     ]
-    own = {SUMMARY, DESIGN, DATA}
-    beside = [path for path in sorted(folder.glob("*.nc")) if path.name not in own]
-    return (*beside, *sorted((folder / "rows").glob("*.nc")), *runs)
+    summary_files = {SUMMARY, DESIGN, DATA}
+    others = [path for path in sorted(folder.glob("*.nc")) if path.name not in summary_files]
+    return (*others, *sorted((folder / "rows").glob("*.nc")), *runs)
 
 
 def of_no_run(paths: Sequence[Path], config: Path, folder: Path) -> str:

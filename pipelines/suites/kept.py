@@ -73,7 +73,7 @@ def write_kept(suite: Suite, run: Run, case: Case, estimate: ErrorStatement | No
 
 def _labels(suite: Suite, of_job: Labels, run: Run, motion: GroundMotion) -> Labels:
     """Attributes of a result that follow from the design and the configuration, not from its content."""
-    values = suite.samples.values[run.place[2]]
+    values = suite.samples.values[run.index[2]]
     return (
         of_job
         | record_labels(motion)

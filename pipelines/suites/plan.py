@@ -31,7 +31,7 @@ from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_cont
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.components import check_components
 from romdam.records.record_set import Loaded, usable_apart
-from romdam.results.suite.design import design_dataset, parameter_places
+from romdam.results.suite.design import design_dataset, varied_keys
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row, source_of_rows
 from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
@@ -91,7 +91,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     """
     job = _suite_job(job)
     with clock.stage("design", "reading the samples"):
-        places = parameter_places(job, _suite(job))
+        places = varied_keys(job, _suite(job))
         design = design_dataset(job, _suite(job), places)
     with clock.stage("records", "reading records"):
         considered: list[Loaded] = []
@@ -120,11 +120,11 @@ def _sampled(job: Job, scene: Scene, samples: Samples) -> tuple[Scene, list[str]
     """The scene with the joints of a sample with shear, if there is one; the fingerprint of every sample."""
     basis, contents = None if samples.places else scene, []
     for number in range(len(samples.values)):
-        one, varied = samples.scene(job, scene, number)
-        law = gap_law(one)
+        sample_scene, varied = samples.scene(job, scene, number)
+        law = gap_law(sample_scene)
         if basis is None and law.directions == 3:
-            basis = one
-        contents.append(sample_content(one, varied))
+            basis = sample_scene
+        contents.append(sample_content(sample_scene, varied))
     return basis or scene, contents
 
 
@@ -165,12 +165,12 @@ def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list
     """
     suite = _suite(job)
     records = []
-    for one in usable_apart(job.config.records, job.folder, tell):
-        factors, message = no_factors(suite), located(job, one.error)
-        if one.motion is not None:
-            factors, message = scale_factors(suite, one.motion)
-            message = message or _unusable(job, one.motion) or _unmeasured(suite, one.motion)
-        records.append(SuiteRecord(one.name, None if message else one.motion, message, factors))
+    for loaded in usable_apart(job.config.records, job.folder, tell):
+        factors, message = no_factors(suite), located(job, loaded.error)
+        if loaded.motion is not None:
+            factors, message = scale_factors(suite, loaded.motion)
+            message = message or _unusable(job, loaded.motion) or _unmeasured(suite, loaded.motion)
+        records.append(SuiteRecord(loaded.name, None if message else loaded.motion, message, factors))
     if all(record.motion is None for record in records):
         raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
     return records
@@ -225,9 +225,9 @@ def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) ->
         if record.motion is None:
             continue
         motion = record.motion
-        own = fingerprint((about, motion.acc, motion.dt, str(motion.provenance.get("resampling"))))
+        key = fingerprint((about, motion.acc, motion.dt, str(motion.provenance.get("resampling"))))
         runs += [
-            Run((i, k, s), record.name, float(factor), fingerprint((own, float(factor), sample)))
+            Run((i, k, s), record.name, float(factor), fingerprint((key, float(factor), sample)))
             for k, factor in enumerate(record.factors)
             for s, sample in enumerate(samples)
         ]
@@ -269,16 +269,16 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
         _warn_of_other_code(known, folder / JOURNAL)
     if not suite.keeps_results:
         return done
-    results, found = KeptResults(suite, plan.motions), dict[str, Row]()
+    results, rows = KeptResults(suite, plan.motions), dict[str, Row]()
     for key, row in done.items():
         placed = results.placed(plan.first[key], row)
         if placed is None:
             continue
-        found[key] = placed
+        rows[key] = placed
         if placed is not row:
             append_rows(folder / JOURNAL, [placed])
             results.remove_former(row, placed)
-    return found
+    return rows
 
 
 def _warn_of_other_code(rows: Mapping[str, Row], path: Path) -> None:
@@ -302,7 +302,7 @@ def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
 
     def order(run: Run) -> tuple[float, int, int, str, int]:
         motion = motions[run.record]
-        return (-motion.dt, run.place[2], -motion.acc.shape[1], run.record, run.place[1])
+        return (-motion.dt, run.index[2], -motion.acc.shape[1], run.record, run.index[1])
 
     missing = [run for key, run in plan.first.items() if key not in done]
     for run in sorted(missing, key=order):

@@ -122,10 +122,10 @@ def run_suite(
     with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
-        rows, made = _make_missing(suite, plan, folder, pool, clock, tell)
+        rows, count = _make_missing(suite, plan, folder, pool, clock, tell)
         with clock.stage("summary", "writing the summary"):
-            found = {run.place: rows[run.key] for run in plan.runs if run.key in rows}
-            summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, found)
+            row_of = {run.index: rows[run.key] for run in plan.runs if run.key in rows}
+            summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, row_of)
             write_dataset(plan.design, folder / DESIGN)
             write_choice(plan.considered, folder)
             path, *tables = write_summary_files(summary, plan.job, folder)
@@ -136,14 +136,14 @@ def run_suite(
     if left:
         tell(of_no_run(left, job.path, folder))
     failures = _failures(plan, rows)
-    return SuiteOutcome(path, summary, summary.status.size, made, failures, left, tuple(tables))
+    return SuiteOutcome(path, summary, summary.status.size, count, failures, left, tuple(tables))
 
 
 def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Suite:
     """The reduced model, once for all samples."""
     job, scene = plan.job, plan.scene
-    own = job.config.suite.cache if job.config.suite else None
-    store = BlockStore(cache or (job.folder / own if own else folder / CACHE_FOLDER))
+    configured = job.config.suite.cache if job.config.suite else None
+    store = BlockStore(cache or (job.folder / configured if configured else folder / CACHE_FOLDER))
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         model = reduced_model(job, scene, store, estimated=True)
     model = replace(model, stress=stress_fields(scene, model.reduced))
@@ -167,20 +167,20 @@ def _make_missing(
     tell(_announcement(suite, plan, missing, folder))
     left = missing
     with clock.stage("runs", f"{missing} runs") as progress:
-        for number, found in pool.map(run_task, suite, tasks):
-            rows |= {row.key: row for row in _write_rows(tasks[number], found, folder)}
+        for number, done in pool.map(run_task, suite, tasks):
+            rows |= {row.key: row for row in _write_rows(tasks[number], done, folder)}
             left -= len(tasks[number].runs)
             progress(missing - left, missing)
     return rows, missing
 
 
-def _write_rows(task: Task, found: list[Row] | Exception, folder: Path) -> list[Row]:
+def _write_rows(task: Task, done: list[Row] | Exception, folder: Path) -> list[Row]:
     """Write the rows of a task; those of one whose workers died are left to be made again."""
-    if isinstance(found, Exception):
-        message = f"its workers died, {found}; lower suite.batch, or give the workers more memory"
+    if isinstance(done, Exception):
+        message = f"its workers died, {done}; lower suite.batch, or give the workers more memory"
         return [Row(run.key, message, lasts=False) for run in task.runs]
-    append_rows(folder / JOURNAL, [row for row in found if row.lasts])
-    return found
+    append_rows(folder / JOURNAL, [row for row in done if row.lasts])
+    return done
 
 
 def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:

@@ -55,8 +55,8 @@ def sample_model(suite: Suite, number: int) -> Model:
 
 def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:
     kept = varied.damping == job.config.damping
-    own = None if kept else modal_coefficients(varied.damping, system.K.diagonal()[: system.solids])
-    return with_parameters(system, gap_law(scene), own)
+    coefficients = None if kept else modal_coefficients(varied.damping, system.K.diagonal()[: system.solids])
+    return with_parameters(system, gap_law(scene), coefficients)
 
 
 @one_thread()
@@ -69,10 +69,10 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
         where a result that is to be kept cannot be written.
     """
     wall, cpu = time.perf_counter(), time.process_time()
-    samples = dict.fromkeys(run.place[2] for run in task.runs)
+    samples = dict.fromkeys(run.index[2] for run in task.runs)
     models = {number: sample_model(suite, number) for number in samples}
     motions = [scaled(task.motions[run.record], run) for run in task.runs]
-    outcomes = integrate_runs(suite.job, [models[run.place[2]] for run in task.runs], motions)
+    outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     rows = []
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
@@ -81,7 +81,7 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
             continue
         clock = (share * spent[0], share * spent[1])
         try:
-            rows.append(_row(suite, models[run.place[2]], run, motion, outcome, clock))
+            rows.append(_row(suite, models[run.index[2]], run, motion, outcome, clock))
         except ResultError:  # of the folder or the disk, which are those of all runs
             raise
         except recoverable() as error:
@@ -105,18 +105,21 @@ def integrate_runs(
     except recoverable() as error:
         if len(motions) == 1:
             return [error]
-    return [integrate_runs(job, [one], [motion])[0] for one, motion in zip(models, motions, strict=True)]
+    return [
+        integrate_runs(job, [lone_model], [motion])[0]
+        for lone_model, motion in zip(models, motions, strict=True)
+    ]
 
 
 def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
     """Of the time of a task, by what each run's own steps took."""
     cpu = [
-        0.0 if isinstance(one, Exception)
-        else one.stats.get("all_runs_cpu_seconds", one.stats["loop_cpu_seconds"])
-        for one in outcomes
+        0.0 if isinstance(outcome, Exception)
+        else outcome.stats.get("all_runs_cpu_seconds", outcome.stats["loop_cpu_seconds"])
+        for outcome in outcomes
     ]  # fmt: skip
     total = sum(cpu)
-    return [one / total if total > 0.0 else 1.0 / len(cpu) for one in cpu]
+    return [seconds / total if total > 0.0 else 1.0 / len(cpu) for seconds in cpu]
 
 
 def _row(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job
-from romdam.config.parameters import Place, Varied, vary
+from romdam.config.parameters import Varied, VariedKey, vary
 from romdam.config.sections.suite import SuiteConfig
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
@@ -20,8 +20,7 @@ from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.simulation import Model
-from romdam.results.suite.rows import Kept
-from romdam.results.suite.rows import Place as RunPlace
+from romdam.results.suite.rows import Kept, RunIndex
 from romdam.results.variables import Case
 from romdam.scene.joints import with_properties
 
@@ -37,7 +36,7 @@ class Samples:
     contents : SHA-256 of the joints and the damping of each sample
     """
 
-    places: dict[str, Place]
+    places: dict[str, VariedKey]
     values: tuple[dict[str, float], ...]
     contents: tuple[str, ...] = ()
 
@@ -101,13 +100,13 @@ class Run:
 
     Attributes
     ----------
-    place : numbers of record, scale and sample
+    index : numbers of record, scale and sample
     record : name
     factor : what the record is multiplied by
     key : SHA-256 of everything the run depends on
     """
 
-    place: RunPlace
+    index: RunIndex
     record: str
     factor: float
     key: str
@@ -115,7 +114,7 @@ class Run:
     @property
     def name(self) -> str:
         """Of the run in this design."""
-        return f"{self.record}__{self.place[1]}__{self.place[2]}"
+        return f"{self.record}__{self.index[1]}__{self.index[2]}"
 
 
 @dataclass(frozen=True)

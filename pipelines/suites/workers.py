@@ -79,7 +79,8 @@ class _Nursery:
 
     def __init__(self, module: str) -> None:
         self.connection, theirs = multiprocessing.Pipe()
-        path = [one for one in sys.path if isinstance(one, str)]  # imports pass over anything else, too
+        # imports pass over anything else, too
+        path = [folder for folder in sys.path if isinstance(folder, str)]
         code = _CODE.format(path=path, fd=theirs.fileno(), module=module)
         with _deaf_to_interrupts():
             self._process = subprocess.Popen(
@@ -224,8 +225,8 @@ def _work(
     tasks: Sequence[Any],
 ) -> None:
     """Serve as a worker until nobody asks any more."""
-    for one in others:  # or nobody would see the nursery die
-        one.close()
+    for inherited in others:  # or nobody would see the nursery die
+        inherited.close()
     while True:
         try:
             number = connection.recv()

@@ -39,7 +39,7 @@ def coupling(config: Config) -> Coupling | None:
     return None
 
 
-def refuse_coupled(own: Coupling | None, integrator: str | None, varied: Collection[str]) -> None:
+def refuse_coupled(coupled: Coupling | None, integrator: str | None, varied: Collection[str]) -> None:
     """Refuse what needs modes that nothing couples.
 
     Parameters
@@ -52,16 +52,18 @@ def refuse_coupled(own: Coupling | None, integrator: str | None, varied: Collect
     ValueError
         with the key and the remedy.
     """
-    if own is None:
+    if coupled is None:
         return
     ratios = [path for path in varied if path.startswith("damping.")]
-    if ratios and own.of_solids:
+    if ratios and coupled.of_solids:
         raise ValueError(
-            f"suite.parameters: {len(ratios)} of damping varied, limit 0 with {own.by} ({own.key}): they are "
-            f"in the modes' damping too; vary joints, or {own.remedy}"
+            f"suite.parameters: {len(ratios)} of damping varied, limit 0 with {coupled.by} "
+            f"({coupled.key}): they are "
+            f"in the modes' damping too; vary joints, or {coupled.remedy}"
         )
     if integrator is not None and INTEGRATORS[integrator].uncoupled:
         raise ValueError(
-            f"transient.integrator: {integrator} needs modes that nothing couples, and {own.by} ({own.key}) "
-            f"couple them; leave the integrator out, or {own.remedy}"
+            f"transient.integrator: {integrator} needs modes that nothing couples, and {coupled.by} "
+            f"({coupled.key}) "
+            f"couple them; leave the integrator out, or {coupled.remedy}"
         )

@@ -67,7 +67,7 @@ def refuse_excluded(config: Config) -> None:
     ValueError
         with the key, the physics and the remedy.
     """
-    acting = [name for name, effect in EFFECTS.items() if effect.acts(config)]
-    for pair in combinations(acting, 2):
+    present = [name for name, effect in EFFECTS.items() if effect.acts(config)]
+    for pair in combinations(present, 2):
         if message := EXCLUDED.get(frozenset(pair)):
             raise ValueError(message)

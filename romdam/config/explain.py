@@ -71,8 +71,8 @@ def explain(
     line : number of the line of a key in the file, where there is a file
     """
     items: list[dict[str, Any]] = [dict(item) for item in error.errors()]
-    told, lines = items[:_MOST], []
-    for item in (item for item in told if not _follows_from_another(item, told)):
+    shown_items, lines = items[:_MOST], []
+    for item in (item for item in shown_items if not _follows_from_another(item, shown_items)):
         path, owner = _walk(item["loc"], root)
         at = f":{line(path)}" if line else ""
         lines.append(f"{source}{at}: {_explain_one(item, path, owner)}")
@@ -97,7 +97,7 @@ def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) 
 
 def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel] | None) -> str:
     key, kind = _key(path), item["type"]
-    name = str(next((part for part in reversed(path) if isinstance(part, str)), ""))
+    name = str(next((word for word in reversed(path) if isinstance(word, str)), ""))
     if kind == "extra_forbidden":
         return f"{key} is not a known key{_closest(name, owner)}"
     if kind == "missing":
@@ -159,38 +159,38 @@ def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseMode
     the location without the parts that name a branch of a union, and the model that owns its last key
     """
     types, path, owner = [root], [], None
-    for part in loc:
-        step, model = _step(types, part)
-        known = step is not None or (part == loc[-1] and _could_be_key(types, part))
+    for key in loc:
+        step, model = _step(types, key)
+        known = step is not None or (key == loc[-1] and _could_be_key(types, key))
         if not known:
             continue
-        path.append(part)
+        path.append(key)
         owner = model or next((t for t in types if _is_model(t)), None)
         types = step or []
     return tuple(path), owner
 
 
-def _could_be_key(types: list[Any], part: int | str) -> bool:
+def _could_be_key(types: list[Any], key: int | str) -> bool:
     """Tell an unknown key at the end of a location from the name of a union's branch."""
-    return isinstance(part, str) and any(_is_model(t) for t in types) and not _is_branch(part, types)
+    return isinstance(key, str) and any(_is_model(t) for t in types) and not _is_branch(key, types)
 
 
-def _is_branch(part: str, types: list[Any]) -> bool:
+def _is_branch(key: str, types: list[Any]) -> bool:
     names = {getattr(t, "__name__", "") for t in types}
-    return part in names or part in SHAPES or part.startswith(("function-", "literal[", "tuple["))
+    return key in names or key in SHAPES or key.startswith(("function-", "literal[", "tuple["))
 
 
 SHAPES = ("number", "mapping", "list", "word")
 
 
-def _step(types: list[Any], part: int | str) -> tuple[list[Any] | None, type[BaseModel] | None]:
-    """The types below `part`, and the model that has it as a key; None where `part` leads nowhere."""
+def _step(types: list[Any], key: int | str) -> tuple[list[Any] | None, type[BaseModel] | None]:
+    """The types below `key`, and the model that has it as a key; None where `key` leads nowhere."""
     for kind in types:
-        if _is_model(kind) and part in kind.model_fields:
-            return _leaves(kind.model_fields[part].annotation), kind
-        if get_origin(kind) is dict and isinstance(part, str):
+        if _is_model(kind) and key in kind.model_fields:
+            return _leaves(kind.model_fields[key].annotation), kind
+        if get_origin(kind) is dict and isinstance(key, str):
             return _leaves(get_args(kind)[1]), None
-        if get_origin(kind) is tuple and isinstance(part, int):
+        if get_origin(kind) is tuple and isinstance(key, int):
             return _leaves(get_args(kind)[0]), None
     return None, None
 

@@ -100,7 +100,8 @@ class Job:
             "blocks": ", ".join(config.block_names),
             "joints": ", ".join(config.every_joint) or "none",
             "records": ", ".join(
-                str(one.name or one.file or one.files or one.suite or "components") for one in config.records
+                str(record.name or record.file or record.files or record.suite or "components")
+                for record in config.records
             ),
             "model": what,
             "paths start from": str(self.folder.absolute()),
@@ -116,7 +117,7 @@ def located(job: Job, error: Exception | None) -> str:
     key = error.key if isinstance(error, RecordError) and job.file.is_file() else ""
     if not key:
         return str(error or "")
-    parts = (int(part) if part.isdigit() else part for part in re.findall(r"[^.\[\]]+", key))
+    parts = (int(word) if word.isdigit() else word for word in re.findall(r"[^.\[\]]+", key))
     return f"{job.path}:{line_of(job.file, tuple(parts))}: {error}"
 
 
@@ -151,8 +152,8 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
 
 
 def _made(source: Mapping[str, Any] | Config, folder: Path) -> Job:
-    given = source.model_dump(mode="json", exclude_unset=True) if isinstance(source, Config) else source
-    raw, renamed = with_present_names(plain(given, MADE), MADE)
+    content = source.model_dump(mode="json", exclude_unset=True) if isinstance(source, Config) else source
+    raw, renamed = with_present_names(plain(content, MADE), MADE)
     assert isinstance(raw, dict)
     return Job(parse_config(raw, MADE, folder=folder), Path(MADE), renamed, raw, folder)
 

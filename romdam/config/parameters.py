@@ -43,7 +43,7 @@ _JOINT = {**_places(LAWS), "gap": _GAP}
 
 
 @dataclass(frozen=True)
-class Place:
+class VariedKey:
     """A number in a configuration that a suite may vary.
 
     Attributes
@@ -70,7 +70,7 @@ class Varied:
     damping: DampingConfig
 
 
-def find_place(config: Config, path: str, name: str, source: str) -> Place:
+def find_varied_key(config: Config, path: str, name: str, source: str) -> VariedKey:
     """Find what a path names.
 
     Parameters
@@ -85,17 +85,17 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
     where = f"{source}: suite.parameters.{name}.path"
     root, _, rest = path.partition(".")
     if root == "damping" and rest in _DAMPING:
-        return Place(path, (), tuple(rest.split(".")), _DAMPING[rest])
+        return VariedKey(path, (), tuple(rest.split(".")), _DAMPING[rest])
     joint, _, field = rest.partition(".")
     every = config.every_joint
-    users = {user.law for one in every.values() for user in one.law}
+    users = {user.law for properties in every.values() for user in properties.law}
     known = {**_JOINT, **_places(sorted(users, key=law_order))}
     if root == "joints" and field in known:
         named = tuple(every) if joint == "*" else (joint,)
         if not set(named) <= set(every):
             raise ConfigError(f"{where}: no joint {quote(joint)} is defined; defined are {listed(every)}")
         unit = known[field].unit
-        return Place(path, named, tuple(field.split(".")), _UDUNITS.get(unit, unit), known[field])
+        return VariedKey(path, named, tuple(field.split(".")), _UDUNITS.get(unit, unit), known[field])
     if root in ("joints", "damping"):
         keys = [f"joints.<name>.{key}" for key in known] if root == "joints" else [*_DAMPING]
         raise ConfigError(f"{where}: {quote(path)} cannot be varied; in {root} can {', '.join(keys)}")
@@ -106,7 +106,7 @@ def find_place(config: Config, path: str, name: str, source: str) -> Place:
     )
 
 
-def si_value(place: Place, value: float | str, name: str, source: str) -> float:
+def si_value(key: VariedKey, value: float | str, name: str, source: str) -> float:
     """A value of a place in SI; infinite for a rigid normal stiffness.
 
     Raises
@@ -114,33 +114,33 @@ def si_value(place: Place, value: float | str, name: str, source: str) -> float:
     ConfigError
         for a value that its key would not take.
     """
-    if value == "rigid" and place.parameter is not None and place.parameter.rigid:
+    if value == "rigid" and key.parameter is not None and key.parameter.rigid:
         return float("inf")
     try:
-        found = _adapter(place).validate_python(value)
+        converted = _adapter(key).validate_python(value)
     except ValidationError as error:
         message = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise ConfigError(
-            f"{source}: suite.parameters.{name}: {place.path}: {message}, got {quote(value)}"
+            f"{source}: suite.parameters.{name}: {key.path}: {message}, got {quote(value)}"
         ) from None
-    return float(found[0] if isinstance(found, tuple) else found)
+    return float(converted[0] if isinstance(converted, tuple) else converted)
 
 
 @cache
-def _adapter(place: Place) -> TypeAdapter[Any]:
-    return TypeAdapter(_annotation(place))
+def _adapter(key: VariedKey) -> TypeAdapter[Any]:
+    return TypeAdapter(_annotation(key))
 
 
-def _annotation(place: Place) -> Any:
+def _annotation(key: VariedKey) -> Any:
     """Type of what the place's key takes."""
-    if place.parameter is not None:
-        return annotation(place.parameter)
-    owner = RayleighConfig if place.keys[0] == "rayleigh" else DampingConfig
-    field = owner.model_fields[place.keys[-1]]
+    if key.parameter is not None:
+        return annotation(key.parameter)
+    owner = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
+    field = owner.model_fields[key.keys[-1]]
     return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 
-def vary(config: Config, places: Mapping[str, Place], values: Mapping[str, float], source: str) -> Varied:
+def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, float], source: str) -> Varied:
     """The joints and damping of a configuration with values put in their places.
 
     Parameters
@@ -156,16 +156,16 @@ def vary(config: Config, places: Mapping[str, Place], values: Mapping[str, float
     for name, joint in config.every_joint.items():
         raw[name]["law"] = joint.law  # with their files, which are no part of what a configuration says
     damping = config.damping.model_dump(mode="json", exclude_none=True)
-    for name, place in places.items():
+    for name, parameter in places.items():
         value = "rigid" if values[name] == float("inf") else float(values[name])
-        for target in [raw[joint] for joint in place.joints] if place.joints else [damping]:
-            _put(target, place.keys, value)
-    given = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+        for target in [raw[joint] for joint in parameter.joints] if parameter.joints else [damping]:
+            _put(target, parameter.keys, value)
+    stated = ", ".join(f"{name} = {value:g}" for name, value in values.items())
     joints = {
-        name: _checked(JointConfig, one, f"{source}: sample {given}: joints.{name}")
-        for name, one in raw.items()
+        name: _checked(JointConfig, properties, f"{source}: sample {stated}: joints.{name}")
+        for name, properties in raw.items()
     }
-    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {given}: damping"))
+    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {stated}: damping"))
 
 
 def _put(target: dict[str, Any], keys: tuple[str, ...], value: object) -> None:

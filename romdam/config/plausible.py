@@ -121,19 +121,19 @@ def _unusual(model: BaseModel, path: str) -> Iterator[str]:
     """Numbers far from the usual, of a model and all that stand in it."""
     usual = _OF_LAWS if isinstance(model, LawSection) else _USUAL.get(type(model), {})
     for field in type(model).model_fields:
-        for place, value in _values(getattr(model, field), f"{path}{field}"):
+        for key, value in _values(getattr(model, field), f"{path}{field}"):
             if isinstance(value, BaseModel):
-                yield from _unusual(value, f"{place}.")
+                yield from _unusual(value, f"{key}.")
                 if field in _FALLING and getattr(value, "mu_s", 0.0) > getattr(value, "mu_d", 0.0):
                     yield (
-                        f"{place}: friction falls with {_FALLING[field]}, so that stiff joints stick and "
+                        f"{key}: friction falls with {_FALLING[field]}, so that stiff joints stick and "
                         "slide by turns, at times that hang on the step: slips of runs at several steps say "
                         "more than the stated error of one; compare transient.finest_step of 0.2 and 0.05 ms"
                     )
             elif isinstance(value, float) and field in usual:
                 least, most, unit, text = usual[field]
                 if not least <= abs(value) <= most and value != 0.0:
-                    yield f"{place}: {f'{value:g} {unit}'.strip()} is unusual: {text}; is the unit right?"
+                    yield f"{key}: {f'{value:g} {unit}'.strip()} is unusual: {text}; is the unit right?"
 
 
 def _values(value: object, path: str) -> Iterator[tuple[str, object]]:
@@ -190,10 +190,10 @@ def _water(config: Config) -> Iterator[str]:
 
 def _unused(config: Config) -> Iterator[str]:
     """Keys that are given and do nothing."""
-    model, given = config.model, config.model.model_fields_set
+    model, set_keys = config.model, config.model.model_fields_set
     if model.order == "full":
         for key in ("modes", "cutoff", "residual_vectors", "solver"):
-            if key in given:
+            if key in set_keys:
                 yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
     transient = config.transient
     for name, entry in INTEGRATORS.items():

@@ -174,12 +174,12 @@ def _parse(text: str, unit: str) -> float:
         unit_text = "standard_gravity"  # an acceleration in "g" is never grams
     try:
         registry = _registry_of(unit_text)
-        given = _roots(registry, unit_text)
+        roots = _roots(registry, unit_text)
     except Exception as error:  # what pint raises for units that it does not know: half a dozen kinds
         raise ValueError(f"unknown unit in {quote(text)} (units are case-sensitive); {remedy}") from error
-    if given != _roots(registry, unit):
+    if roots != _roots(registry, unit):
         what = f"a quantity in {unit}" if unit else "a number or a part of one"
-        raise ValueError(f"{quote(text)} is not {what}; {remedy}{_angular(given)}")
+        raise ValueError(f"{quote(text)} is not {what}; {remedy}{_angular(roots)}")
     return float(registry.Quantity(float(match[1]), unit_text).to(unit).magnitude)
 
 
@@ -197,9 +197,9 @@ def _roots(registry: pint.UnitRegistry[Any], unit: str) -> str:
     return str(none.units)
 
 
-def _angular(given: str) -> str:
+def _angular(unit: str) -> str:
     """Remedy for an angle or its rate in place of a frequency in Hz or a ratio."""
-    return "; an angle, or what turns in a second, is to be converted by hand" if "radian" in given else ""
+    return "; an angle, or what turns in a second, is to be converted by hand" if "radian" in unit else ""
 
 
 def _si(unit: str) -> BeforeValidator:

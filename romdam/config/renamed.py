@@ -41,49 +41,55 @@ def with_present_names(raw: object, source: str) -> tuple[object, tuple[str, ...
     ConfigError
         where a key is given by both its names.
     """
-    told: list[str] = []
+    remarks: list[str] = []
     for path, new in KEYS.items():
         *section, old = path.split(".")
-        raw = _at(raw, section, _renaming(old, new, source, told))
+        raw = _at(raw, section, _renaming(old, new, source, remarks))
     for path, words in WORDS.items():
-        raw = _at(raw, path.split("."), _rewording(words, told))
-    return raw, tuple(told)
+        raw = _at(raw, path.split("."), _rewording(words, remarks))
+    return raw, tuple(remarks)
 
 
-def _renaming(old: str, new: str, source: str, told: list[str]) -> Callable[[Any, str], Any]:
-    def rename(section: Any, place: str) -> Any:
+def _renaming(old: str, new: str, source: str, remarks: list[str]) -> Callable[[Any, str], Any]:
+    def rename(section: Any, location: str) -> Any:
         if not isinstance(section, dict) or old not in section:
             return section
         if new in section:
             raise ConfigError(
-                f"{source}: {place}{old} is the name that {place}{new} had before, and both are given "
-                f"({quote(section[old])} and {quote(section[new])}); remove {place}{old}"
+                f"{source}: {location}{old} is the name that {location}{new} had before, and both are given "
+                f"({quote(section[old])} and {quote(section[new])}); remove {location}{old}"
             )
-        told.append(f"{place}{old} is called {place}{new} now; the old name is read in this release only")
+        remarks.append(
+            f"{location}{old} is called {location}{new} now; the old name is read in this release only"
+        )
         return {new if key == old else key: value for key, value in section.items()}
 
     return rename
 
 
-def _rewording(words: dict[str, str], told: list[str]) -> Callable[[Any, str], Any]:
-    def reword(value: Any, place: str) -> Any:
+def _rewording(words: dict[str, str], remarks: list[str]) -> Callable[[Any, str], Any]:
+    def reword(value: Any, location: str) -> Any:
         if not isinstance(value, str) or value not in words:
             return value
-        key = place.removesuffix(".")
-        told.append(f"{key}: {value} is called {words[value]} now; the old word is read in this release only")
+        key = location.removesuffix(".")
+        remarks.append(
+            f"{key}: {value} is called {words[value]} now; the old word is read in this release only"
+        )
         return words[value]
 
     return reword
 
 
-def _at(tree: Any, path: list[str], change: Callable[[Any, str], Any], place: str = "") -> Any:
+def _at(tree: Any, path: list[str], change: Callable[[Any, str], Any], location: str = "") -> Any:
     """The tree with every value at a path changed; `change` gets the value and where it stands."""
     if not path:
-        return change(tree, place)
+        return change(tree, location)
     first, *rest = path
     if isinstance(tree, dict):
         keys = list(tree) if first == "*" else [key for key in (first,) if key in tree]
-        return tree | {key: _at(tree[key], rest, change, f"{place}{key}.") for key in keys}
+        return tree | {key: _at(tree[key], rest, change, f"{location}{key}.") for key in keys}
     if isinstance(tree, list) and first == "*":
-        return [_at(one, rest, change, f"{place.removesuffix('.')}[{i}].") for i, one in enumerate(tree)]
+        return [
+            _at(member, rest, change, f"{location.removesuffix('.')}[{i}].") for i, member in enumerate(tree)
+        ]
     return tree

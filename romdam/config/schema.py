@@ -36,29 +36,33 @@ class _Generator(GenerateJsonSchema):
     """With units, texts of the keys, and quantities that are numbers or texts such as "2.5 ms"."""
 
     def function_before_schema(self, schema: core_schema.BeforeValidatorFunctionSchema) -> JsonSchemaValue:
-        made = super().function_before_schema(schema)
+        generated = super().function_before_schema(schema)
         function = schema["function"]["function"]
         unit = unit_of(function)
         if unit is None:
-            return {"anyOf": [*_SHORT_FORMS[function](made), made]} if function in _SHORT_FORMS else made
+            return (
+                {"anyOf": [*_SHORT_FORMS[function](generated), generated]}
+                if function in _SHORT_FORMS
+                else generated
+            )
         if needs_unit(function):
             return {"type": "string", "pattern": _WITH_UNIT, _UNIT: spelt(unit)}
         text = {"type": "string", "pattern": _QUANTITY, _UNIT: spelt(unit)}
-        return {"anyOf": [made, text]}
+        return {"anyOf": [generated, text]}
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        made, model = super().model_schema(schema), schema["cls"]
+        generated, model = super().model_schema(schema), schema["cls"]
         if not issubclass(model, Model):
-            return made
-        made["description"] = model_docstring(model)
-        for name, key in made.get("properties", {}).items():
+            return generated
+        generated["description"] = model_docstring(model)
+        for name, key in generated.get("properties", {}).items():
             key.pop("title", None)
             if (empty := model.model_fields[name].default_factory) in (dict, list):
                 key["default"] = empty()
-            unit = "".join(dict.fromkeys(f" [{one}]" for one in _units(key)))
+            unit = "".join(dict.fromkeys(f" [{unit_word}]" for unit_word in _units(key)))
             key["description"] = f"{meaning(model, name)}{unit}"
-        made = _with_laws_of_users(made)
-        return {"anyOf": [made, model.short_form]} if model.short_form else made
+        generated = _with_laws_of_users(generated)
+        return {"anyOf": [generated, model.short_form]} if model.short_form else generated
 
 
 def _units(node: Any) -> Iterator[str]:
@@ -66,8 +70,8 @@ def _units(node: Any) -> Iterator[str]:
     if isinstance(node, dict) and node.get(_UNIT):
         yield node[_UNIT]
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
-    for one in inner:
-        yield from _units(one)
+    for member in inner:
+        yield from _units(member)
 
 
 def _of_one_direction(pair: JsonSchemaValue) -> list[JsonSchemaValue]:
@@ -107,8 +111,8 @@ def _with_laws_of_users(model: JsonSchemaValue) -> JsonSchemaValue:
 
 def schema() -> dict[str, Any]:
     """JSON schema (draft 2020-12) of a configuration file."""
-    made = Config.model_json_schema(schema_generator=_Generator, mode="validation")
-    whole = _told(_bounded(made))
+    generated = Config.model_json_schema(schema_generator=_Generator, mode="validation")
+    whole = _describe_limits(_bounded(generated))
     return {"$schema": GenerateJsonSchema.schema_dialect, **whole, "title": "romdam configuration"}
 
 
@@ -117,38 +121,44 @@ def schema_text() -> str:
     return json.dumps(schema(), indent=1, ensure_ascii=False) + "\n"
 
 
-def _told(node: Any) -> Any:
+def _describe_limits(node: Any) -> Any:
     """With the bounds and the default of every key below its sentence: editors show the text alone."""
     if isinstance(node, list):
-        return [_told(one) for one in node]
+        return [_describe_limits(member) for member in node]
     if not isinstance(node, dict):
         return node
-    node = {name: _told(one) for name, one in node.items()}
+    node = {name: _describe_limits(member) for name, member in node.items()}
     for name, key in node.get("properties", {}).items() if "description" in node else ():
         value = key.get("default")
         default = "required" if name in node.get("required", ()) else ""
         if value not in (None, "", [], {}) and not isinstance(value, dict):
             default = f"default {plain(value)}"
-        if told := ", ".join([*limits(key), *([default] if default else [])]):
-            key["description"] += f"\n\n{told[:1].upper()}{told[1:]}."
+        if remark := ", ".join([*limits(key), *([default] if default else [])]):
+            key["description"] += f"\n\n{remark[:1].upper()}{remark[1:]}."
     return node
 
 
 def limits(key: dict[str, Any]) -> list[str]:
     """Bounds of a key's number in words, also of one that may be left out."""
-    given = [key, *(one for one in key.get("anyOf", ()) if "anyOf" in one or one.get("type") != "null")]
-    if len(given) > 2 and not any("unit" in one for one in given):  # each of several has bounds of its own
-        given = [key]
-    found = {word: one[bound] for one in given for bound, word in _IN_WORDS.items() if bound in one}
-    if found.get("above", math.inf) < found.get("at least", -math.inf):
-        del found["above"]
-    return [f"{word} {value:g}" for word, value in found.items()]
+    branches = [
+        key,
+        *(branch for branch in key.get("anyOf", ()) if "anyOf" in branch or branch.get("type") != "null"),
+    ]
+    # each of several has bounds of its own
+    if len(branches) > 2 and not any("unit" in branch for branch in branches):
+        branches = [key]
+    bounds = {
+        word: branch[bound] for branch in branches for bound, word in _IN_WORDS.items() if bound in branch
+    }
+    if bounds.get("above", math.inf) < bounds.get("at least", -math.inf):
+        del bounds["above"]
+    return [f"{word} {value:g}" for word, value in bounds.items()]
 
 
 def plain(value: object) -> str:
     """A default as one writes it."""
     if isinstance(value, list):
-        return "[" + ", ".join(plain(one) for one in value) + "]"
+        return "[" + ", ".join(plain(member) for member in value) + "]"
     if isinstance(value, bool):
         return str(value).lower()
     return f"{value:g}" if isinstance(value, float) else str(value)
@@ -157,7 +167,7 @@ def plain(value: object) -> str:
 def _bounded(node: Any) -> Any:
     """With bounds in the words of JSON schema; pydantic leaves them where a number may be text."""
     if isinstance(node, list):
-        return [_bounded(one) for one in node]
+        return [_bounded(member) for member in node]
     if not isinstance(node, dict):
         return node
     return {

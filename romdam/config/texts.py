@@ -21,8 +21,8 @@ def meaning(model: type[BaseModel], name: str) -> str:
     field = model.model_fields[name]
     texts, inner = meanings(model), _lone(field.annotation)
     if name in texts or inner is None:
-        own = texts.get(name, field.description or "")
-        return own or (_first_line(model) if name in _OF_THE_MODEL else "")
+        text = texts.get(name, field.description or "")
+        return text or (_first_line(model) if name in _OF_THE_MODEL else "")
     return _first_line(inner)
 
 
@@ -53,19 +53,23 @@ def _texts_in_source(model: type[BaseModel]) -> dict[str, str]:
 
 def model_docstring(model: type[BaseModel]) -> str:
     """The docstring, with those it inherits from other models."""
-    docs = [one.__doc__ or "" for one in model.__mro__ if issubclass(one, BaseModel) and one is not BaseModel]
+    docs = [
+        ancestor.__doc__ or ""
+        for ancestor in model.__mro__
+        if issubclass(ancestor, BaseModel) and ancestor is not BaseModel
+    ]
     return " ".join(inspect.cleandoc(doc) for doc in docs if doc and "part of a configuration" not in doc)
 
 
-def _first_line(one: type) -> str:
-    return " ".join((one.__doc__ or "").partition("\n\n")[0].split())
+def _first_line(described: type) -> str:
+    return " ".join((described.__doc__ or "").partition("\n\n")[0].split())
 
 
 def _lone(annotation: Any) -> type[BaseModel] | None:
     """The model of an annotation that allows nothing else, or a list or mapping of it."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    kinds = [one for one in get_args(annotation) if one not in (type(None), Ellipsis)]
+    kinds = [kind for kind in get_args(annotation) if kind not in (type(None), Ellipsis)]
     if get_origin(annotation) is dict:
         return _lone(kinds[1])
     lone = len(kinds) == 1 or get_origin(annotation) is Annotated

@@ -35,17 +35,17 @@ def variant_jobs(job: Job) -> dict[str, Job]:
     ConfigError
         for a path that leads nowhere, and for what makes no valid job.
     """
-    given = read_yaml(job.file) if job.given is None else job.given
-    raw, _ = with_present_names(given, str(job.path))
+    mapping = read_yaml(job.file) if job.given is None else job.given
+    raw, _ = with_present_names(mapping, str(job.path))
     assert isinstance(raw, dict)  # it was loaded before
     whole = {key: value for key, value in raw.items() if key not in ("comparison", "pipeline")}
     jobs = {}
     for name, changes in comparison_of(job).variants.items():
         source = f"{job.path}: comparison.variants.{name}"
         changed = _changed(whole, changes, source)
-        given = None if job.given is None else changed
+        mapping = None if job.given is None else changed
         config = parse_config(changed, source, folder=job.folder)
-        jobs[name] = replace(job, config=config, renamed=(), given=given, scene_warnings=())
+        jobs[name] = replace(job, config=config, renamed=(), given=mapping, scene_warnings=())
     return jobs
 
 

@@ -127,9 +127,9 @@ def plain(value: Any, source: str, levels: int = MOST_LEVELS) -> object:
         wrong = next((key for key in value if not isinstance(key, str)), None)
         if wrong is not None:
             raise ConfigError(f"{source}: a key must be text, got {quote(wrong)}; put it in quotes")
-        return {key: plain(part, source, levels - 1) for key, part in value.items()}
+        return {key: plain(member, source, levels - 1) for key, member in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(part, source, levels - 1) for part in value]
+        return [plain(member, source, levels - 1) for member in value]
     if isinstance(value, PurePath):
         return str(value)
     numbers = getattr(value, "tolist", None)  # of NumPy, which is not imported for a configuration
@@ -144,14 +144,14 @@ def write_yaml(value: object) -> str:
 def line_of(path: Path, key: Sequence[int | str]) -> int:
     """Line, from 1, of a key of a file that has been read; of what it would stand in where it is missing."""
     node, line = _Loader(path.read_text(encoding="utf-8-sig")).get_single_node(), 1
-    for part in key:
+    for word in key:
         entries = node.value if isinstance(node, yaml.MappingNode) else ()
         below = {name.value: (name, value) for name, value in entries}
         if isinstance(node, yaml.SequenceNode):
             below = {k: (value, value) for k, value in enumerate(node.value)}
-        if part not in below:
+        if word not in below:
             break
-        name, node = below[part]
+        name, node = below[word]
         line = name.start_mark.line + 1
     return line
 
@@ -169,8 +169,8 @@ def _foreign(call: Callable[[], Value], source: str) -> Value:
 
 
 def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
-    place = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return ConfigError(f"{source}: not valid YAML{place}: {problem[:200]}")
+    position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+    return ConfigError(f"{source}: not valid YAML{position}: {problem[:200]}")
 
 
 def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:
@@ -178,7 +178,7 @@ def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) ->
     if id(node) not in known:
         known[id(node)] = (1, MOST_LEVELS + 1)  # what holds itself has no end
         _refuse(node, source)
-        parts = [_measure(part, known, source) for part in _parts(node)]
+        parts = [_measure(member, known, source) for member in _parts(node)]
         known[id(node)] = (1 + sum(n for n, _ in parts), 1 + max((depth for _, depth in parts), default=0))
     return known[id(node)]
 

@@ -254,7 +254,7 @@ class Reservoir:
     solved : for in a reservoir, which is prismatic but for its own `mesh`; else Westergaard's pressure
     upstream : (3,) horizontal unit vector away from the dam
     length : of the prismatic reservoir, from its farthest wet point [m]
-    mesh : its own, with faces dam, surface, bottom and end (`romdam.scene.reservoir.own_mesh`), or None
+    mesh : its own, with faces dam, surface, bottom and end (`romdam.scene.reservoir.reservoir_mesh`), or None
     sound : of compressible water; None where it is incompressible
     """
 

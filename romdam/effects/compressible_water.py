@@ -49,7 +49,7 @@ from romdam.linalg.dense import eigh, independent
 from romdam.linalg.factor import Factor
 from romdam.linalg.modes.eigen import modes_below
 from romdam.scene.elements import Floats
-from romdam.scene.reservoir.own_mesh import PER_WAVE
+from romdam.scene.reservoir.reservoir_mesh import PER_WAVE
 
 _FINER = 1.5  # times the cut-off, of a model that estimates compare with
 _OWN = 1e-6  # of a static answer, what is not in the modes: less is their round-off

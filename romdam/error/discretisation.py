@@ -110,7 +110,10 @@ def discretisation(
     nodes: dict[str, dict[str, object]] = {}
     for name in ("disp", "acc") if run.nodes else ():
         quantity = {"disp": "displacement", "acc": "acceleration"}[name]
-        pairs = [getattr(one.history, name).reshape(len(one.history.time), -1, 3) for one in (judged, better)]
+        pairs = [
+            getattr(result.history, name).reshape(len(result.history.time), -1, 3)
+            for result in (judged, better)
+        ]
         errors[quantity] = magnitude_error(*pairs)
         for k, node in enumerate(run.nodes):
             error = _scaled(magnitude_error(pairs[0][:, k], pairs[1][:, k]), factor)
@@ -179,7 +182,7 @@ def _by_joint(values: Floats, better: Floats, joints: Mapping[str, slice]) -> Re
 
 def _residual_slips(judged: MeshRun, better: MeshRun) -> RelativeError:
     """Error of every joint's mean slip over the last second, relative to FLOOR of the largest or more."""
-    left, wanted = (_each_joint(one, _mean_slip) for one in (judged, better))
+    left, wanted = (_each_joint(result, _mean_slip) for result in (judged, better))
     largest = max((float(np.linalg.norm(slip)) for slip in wanted.values()), default=0.0)
     if largest == 0.0:
         return RelativeError(0.0, 0.0)
@@ -201,7 +204,7 @@ def _mean_slip(run: MeshRun, gaps: slice) -> Floats:
 
 def _forces(judged: MeshRun, better: MeshRun) -> RelativeError:
     """Error of the normal forces of joints, each the sum over its gaps and the mean between rows."""
-    values, wanted = (_each_joint(one, _normal_force) for one in (judged, better))
+    values, wanted = (_each_joint(result, _normal_force) for result in (judged, better))
     every = np.stack(list(wanted.values()), axis=1)
     each = {name: magnitude_error(values[name], wanted[name], every) for name in wanted}
     return replace(magnitude_error(np.stack(list(values.values()), axis=1), every), joints=each)
@@ -217,5 +220,5 @@ def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], Floats]) -> d
 
 
 def _scaled(error: RelativeError, factor: float) -> RelativeError:
-    joints = {name: _scaled(one, factor) for name, one in error.joints.items()}
+    joints = {name: _scaled(joint_error, factor) for name, joint_error in error.joints.items()}
     return RelativeError(factor * error.l2, factor * error.peak, joints)

@@ -161,8 +161,8 @@ def run_window(
     first, last, stride, start = rows.start, rows.stop - 1, settings.steps.stride, None
     if first > 0:
         static, law = settings.initial_state == "static", finer.prepared.system.law
-        own = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
-        start = replace(own, q=finer.embed @ own.q, v=finer.embed @ own.v)
+        initial = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
+        start = replace(initial, q=finer.embed @ initial.q, v=finer.embed @ initial.v)
     shaken = ground[:, first * stride : last * stride + 1]
     only = replace(settings, start=start, only_jumps=True)
     return simulate_one(finer.prepared, shaken, only)
@@ -183,7 +183,7 @@ def moving_rows(history: History, joints: Mapping[str, slice], interval: float) 
     peak, length = int(opening.max(axis=1).argmax()), max(2, round(WINDOW / interval))
     last = min(max(peak + length // 12, length), rows - 1)
     first = max(last - length, 0)
-    motions = [(np.diff(opening[:, own], axis=0) ** 2).sum(axis=1).cumsum() for own in joints.values()]
+    motions = [(np.diff(opening[:, gaps], axis=0) ** 2).sum(axis=1).cumsum() for gaps in joints.values()]
     least = FLOOR**2 * sum(motion[-1] for motion in motions)
     for motion in motions:
         quiet = _QUIET * max(motion[-1], least)

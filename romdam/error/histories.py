@@ -31,7 +31,7 @@ from romdam.results.dataset import open_netcdf, open_run
 
 log = logging.getLogger(__name__)
 
-Place = tuple[str, ...]
+HistoryKey = tuple[str, ...]
 _VARIABLES = {
     "time": (("time",), "s"),
     "opening": (("time", "gap"), "m"),
@@ -59,9 +59,9 @@ class Histories:
     """
 
     time: Floats
-    series: Mapping[Place, Floats]
-    position: Mapping[Place, Floats] = field(default_factory=dict)
-    joint: Mapping[Place, str] = field(default_factory=dict)
+    series: Mapping[HistoryKey, Floats]
+    position: Mapping[HistoryKey, Floats] = field(default_factory=dict)
+    joint: Mapping[HistoryKey, str] = field(default_factory=dict)
 
 
 def read_histories(path: Path) -> Histories:
@@ -81,10 +81,10 @@ def read_histories(path: Path) -> Histories:
     time = histories.time
     if len(time) < 2 or not np.isfinite(time).all() or (np.diff(time) <= 0.0).any():
         raise ResultError(f"{path}: time must rise from row to row, over two rows at least")
-    for place, values in histories.series.items():
+    for key, values in histories.series.items():
         if not np.isfinite(values).all():
             when = time[~np.isfinite(values)][0]
-            raise ResultError(f"{path}: {' '.join(place)} is no number at {when:g} s")
+            raise ResultError(f"{path}: {' '.join(key)} is no number at {when:g} s")
     if not histories.series:
         raise ResultError(f"{path}: has neither openings nor displacements; there is nothing to compare")
     return histories
@@ -105,8 +105,8 @@ def _netcdf(path: Path) -> Histories:
     with dataset:
         if not str(dataset.attrs.get("source", "")).startswith("romdam"):
             return _histories(_checked(dataset, path))
-    with open_run(path) as own:
-        return _histories(own)
+    with open_run(path) as result:
+        return _histories(result)
 
 
 def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
@@ -114,15 +114,15 @@ def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
     for name, (dims, unit) in _VARIABLES.items():
         if name not in dataset.variables:
             continue
-        one = dataset[name]
-        if set(one.dims) != set(dims):
+        values = dataset[name]
+        if set(values.dims) != set(dims):
             raise ResultError(
-                f"{path}: {name} is over {', '.join(map(str, one.dims))}, must be over {', '.join(dims)}"
+                f"{path}: {name} is over {', '.join(map(str, values.dims))}, must be over {', '.join(dims)}"
             )
-        if unit and one.dtype.kind not in "fiu":
-            raise ResultError(f"{path}: {name} is of {one.dtype}, must be of numbers")
-        if unit and one.attrs.get("units", unit) != unit:
-            raise ResultError(f"{path}: {name} is in {one.attrs['units']}, must be in {unit}")
+        if unit and values.dtype.kind not in "fiu":
+            raise ResultError(f"{path}: {name} is of {values.dtype}, must be of numbers")
+        if unit and values.attrs.get("units", unit) != unit:
+            raise ResultError(f"{path}: {name} is in {values.attrs['units']}, must be in {unit}")
         if "component" in dims and dataset.sizes["component"] != 3:
             raise ResultError(f"{path}: component has {dataset.sizes['component']} places, must have x, y, z")
     if "time" not in dataset.variables:
@@ -131,7 +131,7 @@ def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
 
 
 def _histories(dataset: xr.Dataset) -> Histories:
-    gaps: list[Place] = [("gap", str(k)) for k in range(dataset.sizes.get("gap", 0))]
+    gaps: list[HistoryKey] = [("gap", str(k)) for k in range(dataset.sizes.get("gap", 0))]
     joint = {gap: str(name) for gap, name in zip(gaps, _of_gaps(dataset, "gap_joint"), strict=False)}
     series = dict(_series(dataset, gaps))
     for name in dict.fromkeys(joint[gap] for gap in gaps if gap in joint and gap in series):
@@ -145,7 +145,7 @@ def _of_gaps(dataset: xr.Dataset, name: str) -> Sequence[Any]:
     return list(dataset[name].values) if name in dataset.variables else ()
 
 
-def _series(dataset: xr.Dataset, gaps: Sequence[Place]) -> Iterator[tuple[Place, Floats]]:
+def _series(dataset: xr.Dataset, gaps: Sequence[HistoryKey]) -> Iterator[tuple[HistoryKey, Floats]]:
     def rows(name: str) -> Floats:
         dims = _VARIABLES[name][0]
         return np.asarray(dataset[name].transpose(*dims[1:], "time"), dtype=float)
@@ -168,13 +168,13 @@ def _table(path: Path) -> Histories:
             head, *rows = [row for row in csv.reader(file) if row]
     except (OSError, ValueError, csv.Error) as error:
         raise ResultError(f"{path}: is no table in UTF-8 that begins with its head ({error})") from error
-    series: dict[Place, Floats] = {}
+    series: dict[HistoryKey, Floats] = {}
     for name, values in zip(head, _numbers(rows, head, path).T, strict=True):
-        place, factor = _column(name, path)
-        if place in series:
+        key, factor = _column(name, path)
+        if key in series:
             raise ResultError(f"{path}: two columns are {name.strip()!r}")
-        if place:
-            series[place] = factor * values
+        if key:
+            series[key] = factor * values
     if ("time",) not in series:
         raise ResultError(f"{path}: no column is named time; the first row is {', '.join(head)[:200]}")
     return Histories(series.pop(("time",)), series)
@@ -192,8 +192,8 @@ def _numbers(rows: Sequence[Sequence[str]], head: Sequence[str], path: Path) -> 
     return table
 
 
-def _column(name: str, path: Path) -> tuple[Place, float]:
-    """Place of a column, () where its name says none, and what its unit is in SI."""
+def _column(name: str, path: Path) -> tuple[HistoryKey, float]:
+    """Key of a column, () where its name says none, and what its unit is in SI."""
     match = _COLUMN.fullmatch(name)
     if match is None:
         log.warning(

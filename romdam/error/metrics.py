@@ -90,27 +90,27 @@ def opening_error(
     mean = FLOOR * float(np.linalg.norm(better)) / np.sqrt(max(better.size, 1))
     least = FLOOR * _largest(better)
 
-    def of_gaps(own: slice) -> RelativeError:
-        pair = opening[:, own], better[:, own]
+    def of_gaps(gaps: slice) -> RelativeError:
+        pair = opening[:, gaps], better[:, gaps]
         return RelativeError(relative_l2(*pair, mean), peak(*pair, least))
 
-    each = {name: of_gaps(own) for name, own in (joints or {}).items()}
+    each = {name: of_gaps(gaps) for name, gaps in (joints or {}).items()}
     return replace(of_gaps(slice(None)), joints=each)
 
 
-def magnitude_error(values: Floats, better: Floats, beside: Floats | None = None) -> RelativeError:
+def magnitude_error(values: Floats, better: Floats, scale: Floats | None = None) -> RelativeError:
     """Compare histories whose sign says only where to.
 
     Parameters
     ----------
     values, better : (nt, ...) [m]
-    beside : (nt, nc) [m] what the same node does in every direction, if the histories are one of them
+    scale : (nt, nc) [m] what the same node does in every direction, if the histories are one of them
     """
-    largest, peak = (float(np.abs(one).max(initial=0.0)) for one in (values, better))
+    largest, peak = (float(np.abs(history).max(initial=0.0)) for history in (values, better))
     mean = least = 0.0
-    if beside is not None:
-        mean = FLOOR * float(np.linalg.norm(beside, axis=0).max()) / np.sqrt(len(beside))
-        least = FLOOR * float(np.abs(beside).max())
+    if scale is not None:
+        mean = FLOOR * float(np.linalg.norm(scale, axis=0).max()) / np.sqrt(len(scale))
+        least = FLOOR * float(np.abs(scale).max())
     return RelativeError(relative_l2(values, better, mean), _over(largest - peak, max(peak, least)))
 
 

@@ -220,7 +220,7 @@ def measure_defect(
         carried = by.motion(forces.ground)[2][:, :: forces.substeps].T
         jump += carried @ by.jump.T
         disp += carried @ by.observe.T
-    jumps, disps = ((own[0], own[0] - own[1], own[0] - own[2]) for own in (jump, disp))
+    jumps, disps = ((values[0], values[0] - values[1], values[0] - values[2]) for values in (jump, disp))
     return Defect(*jumps, point, *disps, *energy)
 
 

@@ -58,7 +58,9 @@ class Quantities:
 def joined(parts: list[Quantities]) -> Quantities:
     """One after another."""
     names = ("opening", "disp", "strain")
-    return Quantities(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Quantities(
+        *(np.concatenate([getattr(quantities, name) for quantities in parts]) for name in names)
+    )
 
 
 def sample_windows(history: History, seconds: float = WINDOW) -> list[slice]:
@@ -110,9 +112,9 @@ class Sampling:
         settings = replace(self.settings, start=start)
         better = corrected_run(self.finer, ground, settings, defect.jump_fine)
         directions = history.jump.shape[2]
-        own = Quantities(history.jump[rows, :, 0], history.disp[rows], history.energy["strain"][rows])
+        coarse = Quantities(history.jump[rows, :, 0], history.disp[rows], history.energy["strain"][rows])
         opening = better.jump[..., 0] + defect.point_fine[:, ::directions]
-        return own, Quantities(opening, better.disp + defect.disp_fine, better.energy["strain"])
+        return coarse, Quantities(opening, better.disp + defect.disp_fine, better.energy["strain"])
 
     def _start(self, row: int) -> Start:
         """The finer run's state in a row, its jumps those that joint forces see."""
@@ -143,11 +145,13 @@ def sampled_certificate(
     history = sampling.history
     windows = sample_windows(history)
     pairs = [sampling.corrected(rows, _after(progress, n, len(windows))) for n, rows in enumerate(windows)]
-    own, better = (joined([pair[k] for pair in pairs]) for k in (0, 1))
+    coarse, better = (joined([pair[k] for pair in pairs]) for k in (0, 1))
     fine = Quantities(history.jump[..., 0], history.disp, history.energy["strain"])
     errors = Quantities(run.jump[..., 0], run.disp, run.strain).against(fine, joints)
     histories = {"opening": "opening", "displacement": "disp", "energy": "strain"}
-    windowed = {name: [getattr(part, histories[name]) for part in (own, better)] for name in errors}
+    windowed = {
+        name: [getattr(quantities, histories[name]) for quantities in (coarse, better)] for name in errors
+    }
     within = {
         name: {
             "l2": _interval(error.l2, relative_l2(*windowed[name])),
@@ -174,10 +178,10 @@ def _after(progress: Progress, before: int, windows: int) -> Progress:
     return lambda done, total: progress(before * total + done, windows * total)
 
 
-def _largest(own: Floats, better: Floats) -> float:
+def _largest(coarse: Floats, better: Floats) -> float:
     """Largest difference over the largest value, as a peak's error is relative to it."""
     size = float(better.max(initial=0.0)) or float(np.abs(better).max(initial=0.0))
-    return float(np.abs(own - better).max(initial=0.0)) / size if size > 0.0 else 0.0
+    return float(np.abs(coarse - better).max(initial=0.0)) / size if size > 0.0 else 0.0
 
 
 def _interval(error: float, rest: float) -> list[float]:

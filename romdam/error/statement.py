@@ -164,10 +164,10 @@ def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, o
 
     Warns where the configuration is the same and what it is of is not.
     """
-    found: dict[str, object] = {}
+    attributes: dict[str, object] = {}
     for kind, name in FILES.items():
-        found |= _read_statement(kind, folder / name, labels)
-    return found
+        attributes |= _read_statement(kind, folder / name, labels)
+    return attributes
 
 
 def _read_statement(kind: Kind, path: Path, labels: Mapping[str, object]) -> dict[str, object]:
@@ -177,11 +177,11 @@ def _read_statement(kind: Kind, path: Path, labels: Mapping[str, object]) -> dic
     try:
         check_file(path, _MOST, ResultError)
         document = json.loads(path.read_text(encoding="utf-8"))
-        own = document.pop(_SELF, None)
+        digest = document.pop(_SELF, None)
     except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
         log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
         return {}
-    if own != fingerprint(json.dumps(document)):
+    if digest != fingerprint(json.dumps(document)):
         log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
         return {}
     if document.get("configuration_sha256") != labels["configuration_sha256"]:
@@ -212,7 +212,7 @@ def _attributes(kind: Kind, document: dict[str, object]) -> dict[str, object]:
     stated: dict[str, object] = {names.sentence: document["statement"]}
     if isinstance(errors, dict):
         for quantity, error in errors.items():
-            stated |= {f"{names.numbers}_{quantity}_{one}": error[one] for one in ("l2", "peak")}
+            stated |= {f"{names.numbers}_{quantity}_{norm}": error[norm] for norm in ("l2", "peak")}
     if names.document is not None:
         return stated | {names.document: json.dumps(document)}
     rest = {name: value for name, value in document.items() if name not in ("statement", "error")}

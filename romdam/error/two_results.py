@@ -20,7 +20,7 @@ from scipy.signal import correlate
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
 from romdam.error.comparison import coinciding
-from romdam.error.histories import Histories, Place
+from romdam.error.histories import Histories, HistoryKey
 from romdam.error.metrics import magnitude_error, opening_error
 
 log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) ->
         where they have no place, or too little time, in common.
     """
     second = _with_gaps_of(first, second)
-    common = [place for place in first.series if place in second.series]
+    common = [key for key in first.series if key in second.series]
     if not common:
         raise ResultError(
             f"{names[0]} and {names[1]} have no gap, joint or node in common; gaps are known by position "
@@ -64,36 +64,36 @@ def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) ->
     time = _clock(first.time, second.time, names)
     quantities = _quantities(common, {**second.joint, **first.joint})
     rows = [_row(first, second, places, time) for places in quantities.values()]
-    made = {
+    tables = {
         name: (_OVER[:count], np.array(values), {"units": unit, "long_name": text})
         for (name, (count, unit, text)), values in zip(
             _VARIABLES.items(), zip(*rows, strict=True), strict=True
         )
     }
-    return xr.Dataset(made, {"time": time, "variant": list(names), "quantity": list(quantities)})
+    return xr.Dataset(tables, {"time": time, "variant": list(names), "quantity": list(quantities)})
 
 
-def _row(first: Histories, second: Histories, places: list[Place], time: Floats) -> tuple[object, ...]:
+def _row(first: Histories, second: Histories, places: list[HistoryKey], time: Floats) -> tuple[object, ...]:
     """Values that are stated of one quantity, in the order of `_VARIABLES`."""
     pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
-    beside = None if opens else _at(second, _directions(second, places[0]), time)
-    error = opening_error(*pair) if beside is None else magnitude_error(*pair, beside)
-    widest = [one.max(axis=1) for one in pair]
-    peaks = [float((one if opens else np.abs(one)).max()) for one in pair]
-    rests = beside is not None and min(peaks) < _REST * np.abs(beside).max()
+    reference = None if opens else _at(second, _directions(second, places[0]), time)
+    error = opening_error(*pair) if reference is None else magnitude_error(*pair, reference)
+    widest = [values.max(axis=1) for values in pair]
+    peaks = [float((values if opens else np.abs(values)).max()) for values in pair]
+    rests = reference is not None and min(peaks) < _REST * np.abs(reference).max()
     late = float("nan") if rests else phase(*pair, float(time[1] - time[0]))
     return widest, peaks, len(places), error.l2, error.peak, late
 
 
-def _directions(histories: Histories, place: Place) -> list[Place]:
+def _directions(histories: Histories, key: HistoryKey) -> list[HistoryKey]:
     """Every component of the displacement of a place's node."""
-    return [other for other in histories.series if other[:2] == place[:2]]
+    return [other for other in histories.series if other[:2] == key[:2]]
 
 
 def phase(first: Floats, second: Floats, interval: float) -> float:
     """By how much the first of two histories (nt, places) is late, in the unit of `interval`; NaN at rest."""
-    pair = [one - one.mean(axis=0) for one in (first, second)]
-    if not all(one.any() for one in pair):
+    pair = [history - history.mean(axis=0) for history in (first, second)]
+    if not all(history.any() for history in pair):
         return float("nan")
     lag = np.arange(-int(_SHIFT * len(first)), int(_SHIFT * len(first)) + 1)
     best = _correlation(pair[0], pair[1], lag)
@@ -109,24 +109,24 @@ def _correlation(first: Floats, second: Floats, lag: Ints) -> Floats:
     """Of first(t + lag) and second(t) where both are, over their sizes there, which favours no lag."""
     count, later, earlier = len(first), np.maximum(lag, 0), np.maximum(-lag, 0)
     product = np.zeros(2 * count - 1)
-    for one, other in zip(first.T, second.T, strict=True):
-        product += correlate(one, other, method="fft")
-    size = [np.concatenate([[0.0], np.cumsum((one**2).sum(axis=1))]) for one in (first, second)]
+    for history, other in zip(first.T, second.T, strict=True):
+        product += correlate(history, other, method="fft")
+    size = [np.concatenate([[0.0], np.cumsum((history**2).sum(axis=1))]) for history in (first, second)]
     sizes = (size[0][count - earlier] - size[0][later]) * (size[1][count - later] - size[1][earlier])
     return np.asarray(product[count - 1 + lag] / np.sqrt(np.maximum(sizes, np.finfo(float).tiny)))
 
 
-def _quantities(places: list[Place], joint: Mapping[Place, str]) -> dict[str, list[Place]]:
+def _quantities(places: list[HistoryKey], joint: Mapping[HistoryKey, str]) -> dict[str, list[HistoryKey]]:
     """Words -> places: gaps joint by joint, else the widest of a joint; displacements axis by axis."""
-    made: dict[str, list[Place]] = {}
-    for place in (place for place in places if place[0] == "gap"):
-        made.setdefault(f"opening of {joint.get(place, 'all gaps')}", []).append(place)
-    for place in (place for place in places if place[0] == "joint"):
-        if f"opening of {place[1]}" not in made:
-            made[f"widest opening of {place[1]}"] = [place]
-    for place in (place for place in places if place[0] == "node"):
-        made[f"displacement {place[2]} of {place[1]}"] = [place]
-    return made
+    keys: dict[str, list[HistoryKey]] = {}
+    for key in (key for key in places if key[0] == "gap"):
+        keys.setdefault(f"opening of {joint.get(key, 'all gaps')}", []).append(key)
+    for key in (key for key in places if key[0] == "joint"):
+        if f"opening of {key[1]}" not in keys:
+            keys[f"widest opening of {key[1]}"] = [key]
+    for key in (key for key in places if key[0] == "node"):
+        keys[f"displacement {key[2]} of {key[1]}"] = [key]
+    return keys
 
 
 def _with_gaps_of(first: Histories, second: Histories) -> Histories:
@@ -134,13 +134,13 @@ def _with_gaps_of(first: Histories, second: Histories) -> Histories:
     if not first.position or not second.position:
         return second
     names, others = list(first.position), list(second.position)
-    rows, pairs = coinciding(*(np.array([*one.position.values()]) for one in (first, second)))
+    rows, pairs = coinciding(*(np.array([*result.position.values()]) for result in (first, second)))
     if len(rows) < max(len(names), len(others)):
         log.warning("%d gaps are at one place, of %d and %d", len(rows), len(names), len(others))
-    own = {others[b]: names[a] for a, b in zip(rows, pairs, strict=True)}
-    series = {place: values for place, values in second.series.items() if place[0] != "gap"}
-    series |= {name: second.series[other] for other, name in own.items()}
-    joint = {name: second.joint[other] for other, name in own.items() if other in second.joint}
+    renamed = {others[b]: names[a] for a, b in zip(rows, pairs, strict=True)}
+    series = {key: values for key, values in second.series.items() if key[0] != "gap"}
+    series |= {name: second.series[other] for other, name in renamed.items()}
+    joint = {name: second.joint[other] for other, name in renamed.items() if other in second.joint}
     return Histories(second.time, series, {}, joint)
 
 
@@ -158,7 +158,7 @@ def _clock(first: Floats, second: Floats, names: tuple[str, str]) -> Floats:
     return np.asarray(begin + interval * np.arange(count), dtype=np.float64)
 
 
-def _at(histories: Histories, places: list[Place], time: Floats) -> Floats:
-    values = np.column_stack([histories.series[place] for place in places])
+def _at(histories: Histories, places: list[HistoryKey], time: Floats) -> Floats:
+    values = np.column_stack([histories.series[key] for key in places])
     within = np.clip(time, histories.time[0], histories.time[-1])
     return np.asarray(make_interp_spline(histories.time, values, k=1)(within))

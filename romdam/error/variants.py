@@ -106,7 +106,7 @@ def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
     """Histories of one result that are compared."""
     attrs = run.attrs
     cpu = {key: float(attrs.get(f"cpu_seconds_{key}", 0.0)) for key in ("scene", "model", "integration")}
-    found: dict[str, object] = {
+    variables: dict[str, object] = {
         "model_order": str(attrs["model_order"]),
         "unknowns": int(attrs["unknowns"]),
         "gaps": run.sizes.get("gap", 0),
@@ -117,12 +117,14 @@ def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
         "cpu_seconds_total": sum(cpu.values()),
     }
     if "displacement" in run:
-        found |= _motions("displacement", run.displacement, asked)
+        variables |= _motions("displacement", run.displacement, asked)
     if asked.relative:
-        found |= _motions("relative_displacement", _relative(run.displacement, asked), asked)
+        variables |= _motions("relative_displacement", _relative(run.displacement, asked), asked)
     if "opening" in run:
-        found |= _openings(run)
-    return xr.Dataset(found).drop_vars(("node_block", "node_position"), errors="ignore").assign(_stress(run))
+        variables |= _openings(run)
+    return (
+        xr.Dataset(variables).drop_vars(("node_block", "node_position"), errors="ignore").assign(_stress(run))
+    )
 
 
 def _relative(disp: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
@@ -134,13 +136,13 @@ def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[s
     """Histories of vectors, the vector when it is largest, and the largest of the compared component."""
     values = values.drop_vars([c for c in values.coords if c not in values.dims])
     square: xr.DataArray = (values**2).sum("component")
-    own = values.sel(component=asked.component, drop=True)
+    component = values.sel(component=asked.component, drop=True)
     peak = {"displacement": "peak_component", "relative_displacement": "peak_relative_component"}[name]
     return {
         name: values,
         f"peak_{name}": values.isel(time=square.argmax("time")).drop_vars("time"),
         f"peak_{name}_time": square.idxmax("time"),
-        peak: own.isel(time=abs(own).argmax("time")).drop_vars("time"),
+        peak: component.isel(time=abs(component).argmax("time")).drop_vars("time"),
     }
 
 
@@ -196,10 +198,10 @@ def _differences(whole: xr.Dataset, component: str) -> dict[str, xr.DataArray]:
 
 def _histories(whole: xr.Dataset, component: str) -> dict[str, Floats]:
     """Quantity in words -> (variants, times) [m]."""
-    found = {}
+    histories = {}
     for name, (dim, words) in _HISTORIES.items():
-        for place in whole[dim].values if name in whole else ():
-            rows = whole[name].sel({dim: place})
-            own = rows.sel(component=component) if "component" in rows.dims else rows
-            found[f"{words} {place}"] = own.transpose("variant", "time").values
-    return found
+        for point in whole[dim].values if name in whole else ():
+            rows = whole[name].sel({dim: point})
+            rows_of = rows.sel(component=component) if "component" in rows.dims else rows
+            histories[f"{words} {point}"] = rows_of.transpose("variant", "time").values
+    return histories

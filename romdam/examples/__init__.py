@@ -52,6 +52,6 @@ def write(name: str, folder: Path) -> list[Path]:
             raise ConfigError(f"{path}: is there already with other content, and stays; give another --out")
     prepare_folder(folder)
     for path, text in texts.items():
-        with replacing(path) as part:
-            part.write_text(text, encoding="utf-8")
+        with replacing(path) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
     return list(texts)

@@ -44,26 +44,26 @@ class Blocks:
         """The product with (n, k), in the matrix' precision."""
         if right.shape[1] == WIDTH:
             return self._sixteen(right)
-        found = np.empty((self.shape[0], right.shape[1]), dtype=self.data.dtype)
+        product = np.empty((self.shape[0], right.shape[1]), dtype=self.data.dtype)
         for first in range(0, right.shape[1], WIDTH):
             some = slice(first, min(first + WIDTH, right.shape[1]))
-            found[:, some] = self._sixteen(right[:, some])[:, : some.stop - first]
-        return found
+            product[:, some] = self._sixteen(right[:, some])[:, : some.stop - first]
+        return product
 
     def _sixteen(self, right: Reals) -> Reals:
         if right.shape[1] < WIDTH:
             right = np.pad(right, ((0, 0), (0, WIDTH - right.shape[1])))
-        found = np.zeros((self.shape[0], WIDTH), dtype=self.data.dtype)
-        _multiply(self.start, self.column, self.data, np.ascontiguousarray(right, self.data.dtype), found)
-        return found
+        product = np.zeros((self.shape[0], WIDTH), dtype=self.data.dtype)
+        _multiply(self.start, self.column, self.data, np.ascontiguousarray(right, self.data.dtype), product)
+        return product
 
 
 @njit(**VIEWS, fastmath=True)  # sums may be taken in another order
-def _multiply(start: Any, column: Any, data: Any, right: Any, found: Any) -> None:
+def _multiply(start: Any, column: Any, data: Any, right: Any, product: Any) -> None:
     rows, columns = data.shape[1], data.shape[2]
     for i in range(len(start) - 1):
         for r in range(0, rows, 3):
-            to0, to1, to2 = found[rows * i + r], found[rows * i + r + 1], found[rows * i + r + 2]
+            to0, to1, to2 = product[rows * i + r], product[rows * i + r + 1], product[rows * i + r + 2]
             for k in range(start[i], start[i + 1]):
                 for s in range(0, columns, 3):
                     at = columns * column[k] + s

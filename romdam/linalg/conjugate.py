@@ -63,9 +63,9 @@ def conjugate_gradients(
     """
     limit = tolerance * np.linalg.norm(R, axis=0)
     open_ = np.flatnonzero(limit > 0.0)
-    found = np.zeros_like(R)
+    solution = np.zeros_like(R)
     if not len(open_):
-        return found
+        return solution
     R = np.ascontiguousarray(R[:, open_])
     X, P = np.zeros_like(R), inverse(R)
     energy = _dots(R, P)
@@ -78,11 +78,11 @@ def conjugate_gradients(
         del Q
         done = np.sqrt(_dots(R, R)) <= limit[open_]
         if done.any():
-            if done.all() and len(open_) == found.shape[1]:
+            if done.all() and len(open_) == solution.shape[1]:
                 return X
-            found[:, open_[done]] = X[:, done]
+            solution[:, open_[done]] = X[:, done]
             if done.all():
-                return found
+                return solution
             open_, energy = open_[~done], energy[~done]
             X, R, P = (np.ascontiguousarray(a[:, ~done]) for a in (X, R, P))
         Z = inverse(R)

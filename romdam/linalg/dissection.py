@@ -41,16 +41,16 @@ def _ordered(graph: csr_matrix, nodes: Ints) -> list[Ints]:
     """Groups of some nodes: both halves and their separator, or all at once where they are few."""
     if len(nodes) <= _LEAF:
         return [nodes] if len(nodes) else []
-    own = csr_matrix(graph[nodes][:, nodes])
-    count, label = connected_components(own, directed=False)
+    subgraph = csr_matrix(graph[nodes][:, nodes])
+    count, label = connected_components(subgraph, directed=False)
     if count > 1:
-        return [group for k in range(count) for group in _ordered_from(own, nodes, label == k)]
-    half, separator = _halves(own)
+        return [group for k in range(count) for group in _ordered_from(subgraph, nodes, label == k)]
+    half, separator = _halves(subgraph)
     if separator.all() or (half | separator).all() or not (half & ~separator).any():
         return [nodes]
     return [
-        *_ordered_from(own, nodes, half & ~separator),
-        *_ordered_from(own, nodes, ~half & ~separator),
+        *_ordered_from(subgraph, nodes, half & ~separator),
+        *_ordered_from(subgraph, nodes, ~half & ~separator),
         nodes[separator],
     ]
 
@@ -67,8 +67,8 @@ def _halves(graph: csr_matrix) -> tuple[Bools, Bools]:
         for share in _CUTS:
             half = np.zeros(len(order), dtype=bool)
             half[order[: int(share * len(order))]] = True
-            for one in (half, ~half):
-                separator = _beside(graph, one)
+            for side in (half, ~half):
+                separator = _beside(graph, side)
                 if best is None or separator.sum() < best[1].sum():
                     best = half, separator
     assert best is not None

@@ -98,16 +98,16 @@ class Triangles:
         for front in reversed(self.fronts):
             left = x[front.rows] - front.below.T @ x[front.border]
             x[front.rows] = dtrsm(1.0, front.own, left.T, side=1, lower=1).T
-        found = np.empty_like(x)
-        found[self.order] = x
-        return found
+        solution = np.empty_like(x)
+        solution[self.order] = x
+        return solution
 
     def last(self, count: int) -> Triangles:
         """Those of the matrix that is left on the last rows once all before them are eliminated."""
         skipped = self.size - count
         fronts = [replace(f, first=f.first - skipped, border=f.border - skipped) for f in self.fronts]
-        own = np.argsort(np.argsort(self.order[skipped:]))
-        return Triangles(own, [front for front in fronts if front.first >= 0])
+        rank = np.argsort(np.argsort(self.order[skipped:]))
+        return Triangles(rank, [front for front in fronts if front.first >= 0])
 
 
 class Multifrontal:
@@ -161,12 +161,12 @@ def _coupled_nodes(matrix: csr_matrix, number: Ints) -> csr_matrix:
 def _with_borders(graph: csr_matrix, groups: list[Ints]) -> tuple[list[Ints], list[Ints]]:
     """The groups, and the places in the order of elimination of the later nodes that each one acts on."""
     order = np.concatenate(groups)
-    place = np.argsort(order)
+    rank = np.argsort(order)
     ends = np.cumsum([len(group) for group in groups])
     reached: list[list[Ints]] = [[] for _ in groups]
     borders = []
     for group, end, others in zip(groups, ends, reached, strict=True):
-        near = np.unique(np.concatenate([place[graph[group].indices], *others]))
+        near = np.unique(np.concatenate([rank[graph[group].indices], *others]))
         border = near[np.searchsorted(near, end) :]
         if len(border):
             reached[np.searchsorted(ends, border[0], side="right")].append(border)
@@ -188,19 +188,19 @@ def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: l
     ]
     left: list[list[_Rest]] = [[] for _ in range(len(groups) + 1)]
 
-    def eliminated(own: list[int]) -> list[_Front]:
+    def eliminated(columns: list[int]) -> list[_Front]:
         """Fronts of some groups in their order; what they leave goes to the groups after them."""
-        place, fronts = np.empty(len(order), dtype=np.int64), list[_Front]()
-        for k in own:
+        rank, fronts = np.empty(len(order), dtype=np.int64), list[_Front]()
+        for k in columns:
             first, end = ends[k - 1] if k else 0, ends[k]
             later = (np.arange(starts[node], starts[node + 1]) for node in borders[k])
             rows = np.concatenate([np.arange(first, end), *later])
-            place[rows] = np.arange(len(rows))
-            F = _assembled(lower, first, end, place, len(rows))
+            rank[rows] = np.arange(len(rows))
+            F = _assembled(lower, first, end, rank, len(rows))
             left[k].sort(key=attrgetter("group"))  # whoever has come first
             while left[k]:
                 rest = left[k].pop()
-                _add(F, place[rest.rows], rest.values)
+                _add(F, rank[rest.rows], rest.values)
             front, values = _eliminated(F, first, rows[end - first :], end - first)
             left[after[k]].append(_Rest(k, front.border, values))
             fronts.append(front)
@@ -209,8 +209,8 @@ def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: l
     size = np.array([end - first for first, end in pairwise([0, *ends])])
     together = size + [sum(starts[node + 1] - starts[node] for node in border) for border in borders]
     *apart, last = _independent(after, (together**3 - (together - size) ** 3).astype(float))
-    made = [*side_by_side(partial(eliminated, own) for own in apart), eliminated(last)]
-    return Triangles(order, sorted(chain.from_iterable(made), key=attrgetter("first")))
+    fronts_of = [*side_by_side(partial(eliminated, columns) for columns in apart), eliminated(last)]
+    return Triangles(order, sorted(chain.from_iterable(fronts_of), key=attrgetter("first")))
 
 
 def _independent(after: list[int], work: Floats) -> list[list[int]]:
@@ -237,14 +237,14 @@ def _independent(after: list[int], work: Floats) -> list[list[int]]:
     return [np.flatnonzero(of[:-1] == number).tolist() for number in range(len(tops) + 1)]
 
 
-def _assembled(matrix: csc_matrix, first: int, end: int, place: Ints, size: int) -> Floats:
+def _assembled(matrix: csc_matrix, first: int, end: int, rank: Ints, size: int) -> Floats:
     """A front with the matrix' own numbers in its first columns."""
     F = np.zeros((size, size), order="F")
     some = slice(matrix.indptr[first], matrix.indptr[end])
     column = np.repeat(np.arange(end - first), np.diff(matrix.indptr[first : end + 1]))
     row = matrix.indices[some]
     later = row >= first
-    F[place[row[later]], column[later]] = matrix.data[some][later]
+    F[rank[row[later]], column[later]] = matrix.data[some][later]
     return F
 
 
@@ -257,18 +257,20 @@ def _add(F: Floats, at: Ints, rest: Floats) -> None:
             F[below, to] += rest[under, of]
 
 
-def _eliminated(F: Floats, first: int, border: Ints, own: int) -> tuple[_Front, Floats]:
+def _eliminated(F: Floats, first: int, border: Ints, size_inner: int) -> tuple[_Front, Floats]:
     """Eliminate the own rows of a front; what is left on its border.
 
     Only lower triangles are looked at.
     """
-    L, failed = dpotrf(F[:own, :own], lower=1, clean=0)
+    L, failed = dpotrf(F[:size_inner, :size_inner], lower=1, clean=0)
     if failed:
         raise ReductionError(
             f"a stiffness matrix is singular or not positive definite (row {first + failed} of the order of "
             "elimination); look for nodes that no element uses and for missing supports"
         )
     if not len(border):
-        return _Front(first, border, L, np.zeros((0, own))), np.zeros((0, 0))
-    below = dtrsm(1.0, L, F[own:, :own], side=1, lower=1, trans_a=1)
-    return _Front(first, border, L, below), dsyrk(-1.0, below, beta=1.0, c=F[own:, own:], lower=1)
+        return _Front(first, border, L, np.zeros((0, size_inner))), np.zeros((0, 0))
+    below = dtrsm(1.0, L, F[size_inner:, :size_inner], side=1, lower=1, trans_a=1)
+    return _Front(first, border, L, below), dsyrk(
+        -1.0, below, beta=1.0, c=F[size_inner:, size_inner:], lower=1
+    )

@@ -114,20 +114,20 @@ class Multigrid:
             where the residual does not fall to 1e-10 of the right-hand side.
         """
         columns = np.asarray(right, dtype=float).reshape(self.size, -1)
-        found = np.empty_like(columns, order="C")
+        solution = np.empty_like(columns, order="C")
         for first in range(0, columns.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
             answer = conjugate_gradients(self._matrix, self._on(columns[:, some]), self._inverse, "multigrid")
-            found[:, some] = self._off(answer)
-        return found.reshape(np.shape(right))
+            solution[:, some] = self._off(answer)
+        return solution.reshape(np.shape(right))
 
     def precondition(self, right: Floats) -> Floats:
         """One cycle from zero, as an approximate inverse, for (n, k)."""
-        found = np.empty_like(right, order="C")
+        answer = np.empty_like(right, order="C")
         for first in range(0, right.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
-            found[:, some] = self._off(self._inverse(self._on(right[:, some])))
-        return found
+            answer[:, some] = self._off(self._inverse(self._on(right[:, some])))
+        return answer
 
     def _on(self, right: Floats) -> Floats:
         """Over whole nodes, in the solver's order."""
@@ -135,8 +135,8 @@ class Multigrid:
         whole[self._row] = right
         return whole
 
-    def _off(self, found: Floats) -> Floats:
-        return np.asarray(np.take(found, self._row, axis=0))
+    def _off(self, vectors: Floats) -> Floats:
+        return np.asarray(np.take(vectors, self._row, axis=0))
 
     def _inverse(self, right: Floats) -> Floats:
         """A cycle for columns of length one, which single precision holds."""
@@ -212,7 +212,7 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
             f"multigrid: pyamg is not installed ({error}); pip install 'romdam[large]'"
         ) from error
     with _same_draws():
-        made = smoothed_aggregation_solver(
+        levels = smoothed_aggregation_solver(
             matrix,
             B=rigid,
             strength=("symmetric", {"theta": _STRENGTH}),
@@ -221,7 +221,7 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
             postsmoother=None,
             max_coarse=_COARSEST,
         ).levels
-    return [one.P for one in made[:-1]], [matrix, *(one.A for one in made[1:])]
+    return [level.P for level in levels[:-1]], [matrix, *(level.A for level in levels[1:])]
 
 
 @contextmanager

@@ -52,9 +52,9 @@ class PardisoFactor:
     """
 
     def __init__(self, matrix: spmatrix | Upper, memory: float | None = None) -> None:
-        given = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
-        self.size = len(given.start) - 1
-        self._factors = _Factors(given, _SYMMETRIC, memory)
+        triangle = matrix if isinstance(matrix, Upper) else Upper.of(matrix, np.dtype(np.float64))
+        self.size = len(triangle.start) - 1
+        self._factors = _Factors(triangle, _SYMMETRIC, memory)
         self.memory = self._factors.memory
 
     def solve(self, right: Floats) -> Floats:
@@ -100,13 +100,13 @@ class PardisoSingle:
             where the residual does not fall to 1e-10 of the right-hand side.
         """
         columns = np.asarray(right, dtype=float).reshape(self.size, -1)
-        found = np.empty_like(columns, order="C")
+        solution = np.empty_like(columns, order="C")
         for first in range(0, columns.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
-            found[:, some] = conjugate_gradients(
+            solution[:, some] = conjugate_gradients(
                 self._matrix, columns[:, some], self.precondition, "pardiso_single", _TOLERANCE
             )
-        return found.reshape(np.shape(right))
+        return solution.reshape(np.shape(right))
 
     def precondition(self, right: Floats) -> Floats:
         """The factors' own answer, of five digits or so, for (n, k)."""
@@ -134,8 +134,8 @@ class PardisoSchur:
     """
 
     def __init__(self, matrix: csr_matrix, some: Ints, apart: Bools, memory: float | None = None) -> None:
-        given = Upper.of(matrix[some][:, some], np.dtype(np.float32))
-        self._factors = _Factors(given, _POSITIVE_DEFINITE, memory, apart)
+        triangle = Upper.of(matrix[some][:, some], np.dtype(np.float32))
+        self._factors = _Factors(triangle, _POSITIVE_DEFINITE, memory, apart)
         self.memory = self._factors.memory
         self.schur = self._factors.schur
 
@@ -164,13 +164,13 @@ class _Held:
     ) -> int:
         """The library's error number, 0 for none; right and answer are (n, k) in Fortran's order."""
         numbers = (1, self.kind, phase, self.size, right.shape[1], 0, 0)
-        one, kind, at, size, columns, quiet, error = (np.array([n], dtype=np.int32) for n in numbers)
+        unit, kind, at, size, columns, quiet, error = (np.array([n], dtype=np.int32) for n in numbers)
         values, start, column = matrix
         self.library.pardiso(
             *(
                 ctypes.c_void_p(array.ctypes.data)
                 for array in (
-                    self.handle, one, one, kind, at, size, values, start, column, self.marks, columns,
+                    self.handle, unit, unit, kind, at, size, values, start, column, self.marks, columns,
                     self.iparm, quiet, right, answer, error,
                 )
             )
@@ -188,10 +188,10 @@ class Upper(NamedTuple):
     @classmethod
     def of(cls, matrix: spmatrix, real: np.dtype[Any]) -> Upper:
         """That of a matrix, which is not kept: half a gigabyte at a million unknowns, while factors grow."""
-        own = csr_matrix(triu(matrix, format="csr"))
-        own.sort_indices()
-        start, column = (a.astype(np.int32, copy=False) for a in (own.indptr, own.indices))
-        return cls(own.data.astype(real, copy=False), start, column)
+        triangle = csr_matrix(triu(matrix, format="csr"))
+        triangle.sort_indices()
+        start, column = (a.astype(np.int32, copy=False) for a in (triangle.indptr, triangle.indices))
+        return cls(triangle.data.astype(real, copy=False), start, column)
 
 
 class _Factors:
@@ -229,15 +229,15 @@ class _Factors:
 
     def solve(self, right: Floats) -> Floats:
         """Solve for several (n, k) right-hand sides, in the precision of the factors."""
-        found = np.empty_like(right, order="C")
+        solution = np.empty_like(right, order="C")
         for first in range(0, right.shape[1], _WIDTH):
             some = slice(first, first + _WIDTH)
             size = np.linalg.norm(right[:, some], axis=0)  # float32 ends at 1e-38 and 1e38
             size[size == 0.0] = 1.0
             columns = np.empty((len(right), len(size)), dtype=self._real, order="F")
             np.divide(right[:, some], size, out=columns, casting="same_kind")
-            np.multiply(self.substituted(_SOLVE, columns), size, out=found[:, some])
-        return found
+            np.multiply(self.substituted(_SOLVE, columns), size, out=solution[:, some])
+        return solution
 
     def substituted(self, phase: int, columns: NDArray[Any]) -> NDArray[Any]:
         """Result of a phase of the solution for (n, k) in the library's precision and order."""

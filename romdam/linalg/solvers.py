@@ -111,16 +111,16 @@ def estimates(unknowns: int, columns: int) -> list[Estimate]:
 
     Good to a factor of two for solid elements: the fits are of tet10 blocks on this package's benchmark.
     """
-    found = [
+    costs = [
         Estimate(name, make(unknowns) + columns * column(unknowns), memory(unknowns))
         for name, (make, column, memory) in _FITS.items()
         if find_spec(_MODULE[name]) is not None
     ]
-    own = ("superlu" if unknowns <= SMALL else "multifrontal") if unknowns <= _OWN else None
-    return sorted(found, key=lambda e: (e.solver != own, e.seconds))
+    direct = ("superlu" if unknowns <= SMALL else "multifrontal") if unknowns <= _OWN else None
+    return sorted(costs, key=lambda e: (e.solver != direct, e.seconds))
 
 
-def candidates(unknowns: int, columns: int, solving: Solving, place: str) -> list[Estimate]:
+def candidates(unknowns: int, columns: int, solving: Solving, location: str) -> list[Estimate]:
     """The solvers that fit in memory, the one to be tried first in front.
 
     Raises
@@ -128,21 +128,21 @@ def candidates(unknowns: int, columns: int, solving: Solving, place: str) -> lis
     ReductionError
         where none fits, or the one that is asked for is not installed or does not fit.
     """
-    found = estimates(unknowns, columns)
-    wanted = [e for e in found if solving.solver in ("auto", e.solver)]
+    costs = estimates(unknowns, columns)
+    wanted = [e for e in costs if solving.solver in ("auto", e.solver)]
     if not wanted:
         raise ReductionError(
-            f"{place}: model.solver: {solving.solver} needs {_MODULE[solving.solver]}, which is not "
+            f"{location}: model.solver: {solving.solver} needs {_MODULE[solving.solver]}, which is not "
             "installed; pip install 'romdam[large]', or set model.solver: auto"
         )
     fit = [e for e in wanted if e.memory <= solving.limit]
     if not fit:
-        raise ReductionError(_refusal(unknowns, wanted, found, solving, place))
-    others = [e for e in found if e.memory <= solving.limit and e not in fit]
+        raise ReductionError(_refusal(unknowns, wanted, costs, solving, location))
+    others = [e for e in costs if e.memory <= solving.limit and e not in fit]
     return fit + others
 
 
-def without_factors(unknowns: int, columns: int, solving: Solving, place: str) -> str:
+def without_factors(unknowns: int, columns: int, solving: Solving, location: str) -> str:
     """Say that a matrix is solved by multigrid because no factors fit in memory; empty where they do.
 
     Raises
@@ -150,24 +150,24 @@ def without_factors(unknowns: int, columns: int, solving: Solving, place: str) -
     ReductionError
         as `candidates` does.
     """
-    chosen = candidates(unknowns, columns, solving, place)[0]
+    chosen = candidates(unknowns, columns, solving, location)[0]
     factors = [e for e in estimates(unknowns, columns) if e.solver != "multigrid"]
     if chosen.solver != "multigrid" or any(e.memory <= solving.limit for e in factors):
         return ""
     needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in factors)
     return (
-        f"{place}: multigrid for {unknowns} unknowns, factors do not fit in {shown_size(solving.limit)} "
+        f"{location}: multigrid for {unknowns} unknowns, factors do not fit in {shown_size(solving.limit)} "
         f"(estimated: {needs}); about {chosen.seconds:.0f} s"
     )
 
 
 def _refusal(
-    unknowns: int, wanted: list[Estimate], found: list[Estimate], solving: Solving, place: str
+    unknowns: int, wanted: list[Estimate], costs: list[Estimate], solving: Solving, location: str
 ) -> str:
     limit = solving.limit
     named = "model.memory" if solving.memory is not None else "four fifths of this machine's memory"
     needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in wanted)
-    least = min(found, key=lambda e: e.memory)
+    least = min(costs, key=lambda e: e.memory)
     most = max(
         1e6 * (limit / bytes_.at_million) ** (1.0 / bytes_.exponent)
         for bytes_ in (_FITS[e.solver][2] for e in wanted)
@@ -178,7 +178,7 @@ def _refusal(
         else ""
     )
     return (
-        f"{place}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); "
+        f"{location}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); "
         f"{other}"
         f"give at least {shown_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
     )
@@ -189,7 +189,7 @@ def make_solver(
     motions: Motions,
     columns: int,
     solving: Solving,
-    place: str,
+    location: str,
     inner: Bools | None = None,
 ) -> Solver:
     """Make the best solver for a symmetric positive definite matrix and so many right-hand sides.
@@ -197,7 +197,7 @@ def make_solver(
     Parameters
     ----------
     motions : of the matrix' rows
-    place : what to call the matrix in messages
+    location : what to call the matrix in messages
     inner : rows without mass and load, if any
 
     Raises
@@ -214,11 +214,12 @@ def make_solver(
         "pardiso_single": lambda: _single(matrix, inner, solving.limit),
         "multigrid": lambda: Multigrid(whole(matrix), motions),
     }
-    tried = candidates(matrix.shape[0], columns, solving, place)
+    tried = candidates(matrix.shape[0], columns, solving, location)
     for k, estimate in enumerate(tried):
         log.info(
             "%s: %s for %d unknowns and %d right-hand sides (estimated %.0f s, %s%s)",
-            place, estimate.solver, matrix.shape[0], columns, estimate.seconds, shown_size(estimate.memory),
+            location, estimate.solver, matrix.shape[0], columns, estimate.seconds,
+            shown_size(estimate.memory),
             "".join(f"; {e.solver}: {e.seconds:.0f} s, {shown_size(e.memory)}" for e in tried[k + 1 :]),
         )  # fmt: skip
         try:
@@ -227,8 +228,8 @@ def make_solver(
             return solver
         except (ReductionError, MemoryError) as error:
             if k == len(tried) - 1:
-                raise ReductionError(f"{place}: {error or 'out of memory'}") from error
-            log.warning("%s: %s gives way to %s: %s", place, estimate.solver, tried[k + 1].solver, error)
+                raise ReductionError(f"{location}: {error or 'out of memory'}") from error
+            log.warning("%s: %s gives way to %s: %s", location, estimate.solver, tried[k + 1].solver, error)
     raise AssertionError("unreachable")
 
 

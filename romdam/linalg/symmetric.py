@@ -36,15 +36,15 @@ class Symmetric:
 
     def __matmul__(self, right: Reals) -> Reals:
         columns = right.reshape(len(right), -1)
-        found = np.empty((self.shape[0], columns.shape[1]))
+        result = np.empty((self.shape[0], columns.shape[1]))
         for first in range(0, columns.shape[1], WIDTH):
             some = slice(first, first + WIDTH)
             piece = np.ascontiguousarray(columns[:, some])
             product = self.upper @ piece
             product += self.upper.T @ piece
             product -= self._diagonal[:, None] * piece
-            found[:, some] = product
-        return found.reshape(right.shape)
+            result[:, some] = product
+        return result.reshape(right.shape)
 
     def whole(self) -> csr_matrix:
         """Both triangles."""

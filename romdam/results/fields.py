@@ -200,9 +200,9 @@ class Result:
         if "peak_opening" not in self.dataset:
             return "no joints"
         openings = self.dataset.peak_opening.to_series().sort_values(ascending=False)
-        shown = [f"{name} {1e3 * value:.3g} mm" for name, value in openings.head(_SHOWN_JOINTS).items()]
-        left = len(openings) - len(shown)
-        return ", ".join(shown) + (f" and {left} more" if left else "")
+        peaks_text = [f"{name} {1e3 * value:.3g} mm" for name, value in openings.head(_SHOWN_JOINTS).items()]
+        left = len(openings) - len(peaks_text)
+        return ", ".join(peaks_text) + (f" and {left} more" if left else "")
 
     @property
     def _location(self) -> str:

@@ -15,19 +15,19 @@ from romdam.scene.facets import boundary_facets, facets_in_plane, row_numbers
 _DIVIDES = 1e-6  # relative: element sizes such as 10/3 are written with a few digits
 
 
-def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Block:
+def box_block(name: str, box: BoxConfig, material: Material, location: str) -> Block:
     """Mesh a box; its faces are xmin, xmax, ymin, ymax, zmin, zmax.
 
     Parameters
     ----------
-    place : file and key of the box, for messages
+    location : file and key of the box, for messages
 
     Raises
     ------
     ConfigError
         when the element size does not divide the box.
     """
-    divisions = _divisions(box, place)
+    divisions = _divisions(box, location)
     points = _grid_points(np.array(box.origin), np.array(box.size), divisions)
     cells = _grid_cells(divisions)
     points, cells = _split(points, cells, ELEMENTS[box.element].linear)
@@ -35,23 +35,23 @@ def box_block(name: str, box: BoxConfig, material: Material, place: str) -> Bloc
     return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
 
 
-def _divisions(box: BoxConfig, place: str) -> tuple[int, int, int]:
+def _divisions(box: BoxConfig, location: str) -> tuple[int, int, int]:
     wanted = box.element_size
     sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
     return tuple(  # type: ignore[return-value]  # three of them
-        _division(length, size, f"{place}.element_size", axis)
+        _division(length, size, f"{location}.element_size", axis)
         for length, size, axis in zip(box.size, sizes, "xyz", strict=True)
     )
 
 
-def _division(length: float, size: float, place: str, axis: str) -> int:
+def _division(length: float, size: float, location: str, axis: str) -> int:
     count = max(round(length / size), 1)
     if abs(count * size - length) <= _DIVIDES * length:
         return count
     fewer = max(int(length / size), 1)
     nearest = " or ".join(f"{length / n:.6g}" for n in (fewer + 1, fewer))
     raise ConfigError(
-        f"{place} = {size:g} m does not divide the box, {length:g} m along {axis} "
+        f"{location} = {size:g} m does not divide the box, {length:g} m along {axis} "
         f"({length / size:.4g} elements); the nearest sizes that do are {nearest} m"
     )
 

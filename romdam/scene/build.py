@@ -104,8 +104,8 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     )
     refuse_unreached(scene, supported, source)
     files.say_unused(source)
-    made = config.dam.joint_pairs if config.dam else ()
-    return replace(scene, remarks=(*odd_remarks(scene, materials, made), *_overtopped(config, blocks)))
+    pairs = config.dam.joint_pairs if config.dam else ()
+    return replace(scene, remarks=(*odd_remarks(scene, materials, pairs), *_overtopped(config, blocks)))
 
 
 def _refuse_massless(
@@ -148,17 +148,23 @@ def _blocks(
     for name, block in config.blocks.items():
         constants = materials[block.material].with_mass(block.mass)
         if block.box is not None:
-            made = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
+            block_made = box_block(name, block.box, constants, f"{source}: blocks.{name}.box")
         elif block.mesh is not None:
-            made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
+            block_made = files.block(name, block.mesh, constants, f"{source}: blocks.{name}.mesh")
         else:
-            made = replace(made_by_dam[name], material=constants)
+            block_made = replace(made_by_dam[name], material=constants)
         if block.matrices is not None:
             numbered = None if block.mesh is None else files.numbered(block.mesh)
-            place = f"{source}: blocks.{name}.matrices"
+            location = f"{source}: blocks.{name}.matrices"
             supported = any(support.block == name for support in config.supports)
-            made = with_matrices(made, block.matrices, files.folder, numbered, place, supported=supported)
-        blocks |= cut_block(made, config.cut, files.folder, source) if name in config.cut else {name: made}
+            block_made = with_matrices(
+                block_made, block.matrices, files.folder, numbered, location, supported=supported
+            )
+        blocks |= (
+            cut_block(block_made, config.cut, files.folder, source)
+            if name in config.cut
+            else {name: block_made}
+        )
     return blocks
 
 
@@ -185,18 +191,18 @@ def _fixed(config: Config, blocks: dict[str, Block], held: dict[str, Bools], sou
 
 
 def _pressures(config: Config, blocks: dict[str, Block], source: str) -> tuple[FacePressure, ...]:
-    found = []
+    pressures = []
     for k, load in enumerate(config.loads.pressure):
         facets = select_facets(blocks[load.block], load.face, f"{source}: loads.pressure[{k}].face")
-        found.append(FacePressure(load.block, facets, load.value))
-    return tuple(found)
+        pressures.append(FacePressure(load.block, facets, load.value))
+    return tuple(pressures)
 
 
 def _fill_joints(config: Config, joints: dict[str, Joint], blocks: dict[str, Block], source: str) -> None:
     for k, water in enumerate(config.loads.joint_water):
-        place = f"{source}: loads.joint_water[{k}]"
+        location = f"{source}: loads.joint_water[{k}]"
         for name in water.joints:
-            joints[name] = with_water(joints[name], water, blocks, config.loads.gravity_of_water, place)
+            joints[name] = with_water(joints[name], water, blocks, config.loads.gravity_of_water, location)
 
 
 def _overtopped(config: Config, blocks: dict[str, Block]) -> Iterator[str]:
@@ -211,23 +217,23 @@ def _overtopped(config: Config, blocks: dict[str, Block]) -> Iterator[str]:
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:
     size = config.loads.gravity_of_water
-    found, of_density = [], dict[float, dict[tuple[str, tuple[int, ...]], str]]()
+    loads, of_density = [], dict[float, dict[tuple[str, tuple[int, ...]], str]]()
     for k, load in enumerate(config.loads.hydrostatic):
-        place = f"{source}: loads.hydrostatic[{k}]"
+        location = f"{source}: loads.hydrostatic[{k}]"
         faces = [
-            (face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{i}].face"))
+            (face.block, select_facets(blocks[face.block], face.face, f"{location}.faces[{i}].face"))
             for i, face in enumerate(load.faces)
         ]
         for i, (name, facets) in enumerate(faces):  # other densities may add up: silt as a heavy fluid
             seen = of_density.setdefault(load.density, {})
-            refuse_selected_twice(seen, name, facets, f"{place}.faces[{i}]")
-        refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], place)
-        found += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
-    return tuple(found)
+            refuse_selected_twice(seen, name, facets, f"{location}.faces[{i}]")
+        refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], location)
+        loads += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
+    return tuple(loads)
 
 
 def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, float]:
-    found, warmed = dict.fromkeys(blocks, 0.0), dict[str, int]()
+    changes, warmed = dict.fromkeys(blocks, 0.0), dict[str, int]()
     for k, load in enumerate(config.loads.temperature):
         names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
         stiff = [name for name in names if blocks[name].material.expansion == 0.0]
@@ -242,19 +248,19 @@ def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, 
             if name in warmed:
                 raise ConfigError(
                     f"{source}: loads.temperature[{k}]: the change of block {name!r} is named by "
-                    f"loads.temperature[{warmed[name]}] already ({found[name]:g} K), limit once; name each "
+                    f"loads.temperature[{warmed[name]}] already ({changes[name]:g} K), limit once; name each "
                     "block once, with its whole change"
                 )
-            found[name], warmed[name] = load.change, k
-    return {name: change for name, change in found.items() if change != 0.0}
+            changes[name], warmed[name] = load.change, k
+    return {name: change for name, change in changes.items() if change != 0.0}
 
 
 def _forces(config: Config, blocks: dict[str, Block], source: str) -> tuple[PointForce, ...]:
-    found = []
+    forces = []
     for k, load in enumerate(config.loads.force):
         node = nearest_node(blocks[load.block], load.at, load.tolerance, f"{source}: loads.force[{k}].at")
-        found.append(PointForce(load.block, node, np.array(load.force)))
-    return tuple(found)
+        forces.append(PointForce(load.block, node, np.array(load.force)))
+    return tuple(forces)
 
 
 def _gravity(config: Config) -> Floats:

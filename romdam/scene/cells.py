@@ -86,11 +86,11 @@ def uncollapsed(table: Ints, dim: int) -> list[tuple[str, Ints, Ints]]:
     """
     if (kinds := COLLAPSED.get((dim, table.shape[1]))) is None:
         return [(PLAIN[dim, table.shape[1]], np.arange(len(table)), table)]
-    left, found = np.ones(len(table), dtype=bool), []
+    left, by_kind = np.ones(len(table), dtype=bool), []
     for kind, frame in kinds.items():
-        own = table[:, np.unique(frame, return_index=True)[1]]
-        rows = np.flatnonzero(left & (own[:, list(frame)] == table).all(axis=1))
+        corners = table[:, np.unique(frame, return_index=True)[1]]
+        rows = np.flatnonzero(left & (corners[:, list(frame)] == table).all(axis=1))
         left[rows] = False
         if len(rows):
-            found.append((kind, rows, own[rows]))
-    return found
+            by_kind.append((kind, rows, corners[rows]))
+    return by_kind

@@ -207,10 +207,10 @@ def _with_middles(
     facets: tuple[Corners, ...], middles: tuple[Corners, ...], corners: int
 ) -> tuple[Corners, ...]:
     """Append to each facet's corners the nodes in the middle of its edges, and its own where there is one."""
-    number = {frozenset(own): corners + k for k, own in enumerate(middles)}
+    number = {frozenset(edge): corners + k for k, edge in enumerate(middles)}
     rings = [[(f[k], f[(k + 1) % len(f)]) for k in range(len(f))] for f in facets]
     whole = [
-        (*f, *(number[frozenset(own)] for own in (*ring, f) if frozenset(own) in number))
+        (*f, *(number[frozenset(edge)] for edge in (*ring, f) if frozenset(edge) in number))
         for f, ring in zip(facets, rings, strict=True)
     ]
     widest = max(map(len, whole), default=0)
@@ -231,7 +231,7 @@ def _element(name: str, cell: Cell, order: int, **others: Any) -> Element:
     return Element(
         name,
         cell,
-        nodes=np.vstack([shape.corners, *(shape.corners[list(own)].mean(axis=0) for own in middles)]),
+        nodes=np.vstack([shape.corners, *(shape.corners[list(edge)].mean(axis=0) for edge in middles)]),
         exponents=_monomials_of(shape, cell.nodes),
         edges=shape.edges,
         middles=middles,

@@ -34,11 +34,11 @@ def boundary_facets(cells: Ints, element: str) -> Ints:
 def all_facets(cells: Ints, element: str) -> tuple[Ints, Ints]:
     """Facets of every cell, (nf, nodes per facet) in the order of kinds and cells, and their cells (nf,)."""
     facets, owner = [], []
-    for kind, rows, own in kinds_of(element, cells):
+    for kind, rows, cell_nodes in kinds_of(element, cells):
         table = np.array(kind.facets)
         if kind.facet != frame(element).facet:  # tetrahedra among others
             table = table[:, next(iter(COLLAPSED[2, 4 if table.shape[1] == 3 else 8].values()))]
-        facets.append(own[:, table].reshape(-1, table.shape[1]))
+        facets.append(cell_nodes[:, table].reshape(-1, table.shape[1]))
         owner.append(np.repeat(rows, len(table)))
     return np.concatenate(facets), np.concatenate(owner)
 
@@ -59,45 +59,45 @@ def row_numbers(rows: Ints) -> Ints:
     NumPy sorts rows by comparing them as bytes, which takes much longer than sorting numbers.
     """
     size = int(rows.max(initial=0)) + 1
-    found, most = np.zeros(len(rows), dtype=np.int64), 1
+    number, most = np.zeros(len(rows), dtype=np.int64), 1
     for column in rows.T:
         if most * size > np.iinfo(np.int64).max:  # as many numbers as there are different rows so far
-            found = np.unique(found, return_inverse=True)[1]
+            number = np.unique(number, return_inverse=True)[1]
             most = len(rows)
-        found, most = found * size + column, most * size
-    return found
+        number, most = number * size + column, most * size
+    return number
 
 
 def area_vectors(points: Floats, facets: Ints) -> Floats:
     """Consistent nodal area vectors int N_j n dA of every facet, (nf, nodes per facet, 3) [m2]."""
-    found = np.zeros((*facets.shape, 3))
-    for rows, own, columns in facets_by_kind(facets):
-        element = facet_element(own)
+    vectors = np.zeros((*facets.shape, 3))
+    for rows, facet_nodes, columns in facets_by_kind(facets):
+        element = facet_element(facet_nodes)
         xi, weight = element.rule
-        normal = area_elements(points, own, xi)
-        found[rows[:, None], columns] = np.einsum(
+        normal = area_elements(points, facet_nodes, xi)
+        vectors[rows[:, None], columns] = np.einsum(
             "q,qj,fqk->fjk", weight, element.shape(xi), normal, optimize=True
         )
-    return found
+    return vectors
 
 
 def facet_areas(points: Floats, facets: Ints) -> Floats:
     """Area of every facet (nf,) [m2]."""
-    found = np.zeros(len(facets))
-    for rows, own, _ in facets_by_kind(facets):
-        xi, weight = facet_element(own).rule
-        found[rows] = np.linalg.norm(area_elements(points, own, xi), axis=2) @ weight
-    return found
+    areas = np.zeros(len(facets))
+    for rows, facet_nodes, _ in facets_by_kind(facets):
+        xi, weight = facet_element(facet_nodes).rule
+        areas[rows] = np.linalg.norm(area_elements(points, facet_nodes, xi), axis=2) @ weight
+    return areas
 
 
 def second_moments(points: Floats, facets: Ints) -> tuple[Floats, Floats]:
     """Second moments of a face's area about its centroid (3, 3) [m4], and the centroid (3,) [m]."""
     areas, places = [], []
-    for _, own, _ in facets_by_kind(facets):
-        element = facet_element(own)
+    for _, facet_nodes, _ in facets_by_kind(facets):
+        element = facet_element(facet_nodes)
         xi, weight = element.rule
-        areas.append((weight * np.linalg.norm(area_elements(points, own, xi), axis=2)).ravel())
-        at = np.einsum("qa,fak->fqk", element.shape(xi), points[own], optimize=True)
+        areas.append((weight * np.linalg.norm(area_elements(points, facet_nodes, xi), axis=2)).ravel())
+        at = np.einsum("qa,fak->fqk", element.shape(xi), points[facet_nodes], optimize=True)
         places.append(at.reshape(-1, 3))
     dA, at = np.concatenate(areas), np.concatenate(places)
     middle = dA @ at / dA.sum()
@@ -147,10 +147,10 @@ def gap_weights(points: Floats, facets: Ints, corners_only: bool = False) -> tup
     nodes = np.unique(facets)
     area, with_area = np.zeros(len(nodes)), np.zeros(len(nodes), dtype=bool)
     entries: list[tuple[Floats, Ints, Ints]] = []
-    for _, own, _ in facets_by_kind(facets):
-        element, local = facet_element(own), np.searchsorted(nodes, own)
+    for _, facet_nodes, _ in facets_by_kind(facets):
+        element, local = facet_element(facet_nodes), np.searchsorted(nodes, facet_nodes)
         xi, weight, phi = _tributary_rule(element.name, corners_only and element.quadratic)
-        dA = weight * np.linalg.norm(area_elements(points, own, xi), axis=2)
+        dA = weight * np.linalg.norm(area_elements(points, facet_nodes, xi), axis=2)
         np.add.at(area, local[:, : phi.shape[1]], dA @ phi)
         with_area[local[:, : phi.shape[1]]] = True
         if element.quadratic:

@@ -17,7 +17,7 @@ _LARGEST = 100e6  # bytes
 _FLAT = 1e-6  # a table narrower than this share of its length is a line
 
 
-def table_gap(path: Path, position: Floats, place: str) -> Floats:
+def table_gap(path: Path, position: Floats, location: str) -> Floats:
     """Gap at every position (n, 3) from a CSV file with columns x, y, z, gap [m].
 
     The points are projected on their best-fitting plane (a joint is a graph over it); between them
@@ -28,7 +28,7 @@ def table_gap(path: Path, position: Floats, place: str) -> Floats:
     ConfigError
         for a file that cannot be read, lacks a column or a row, or holds something else than numbers.
     """
-    table = _read(path, place)
+    table = _read(path, location)
     points, gap = table[:, :3], table[:, 3]
     at_nearest = gap[nearest(points, position)[1]]
     centre = points.mean(axis=0)
@@ -53,37 +53,37 @@ def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:
     return np.where(np.isnan(value), nearest, value)
 
 
-def _read(path: Path, place: str) -> Floats:
+def _read(path: Path, location: str) -> Floats:
     try:
         check_file(path, _LARGEST, ConfigError)
     except ConfigError as error:
         raise ConfigError(
-            f"{place}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
+            f"{location}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
         ) from None
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream, skipinitialspace=True))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(
-            f"{place}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
+            f"{location}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
         ) from None
     missing = [column for column in _COLUMNS if not rows or column not in rows[0]]
     if missing:
         what = f"lacks column {', '.join(missing)}" if rows else "has no rows"
         raise ConfigError(
-            f"{place}: {path} {what}; its first line must be x,y,z,gap, then one point per line in m"
+            f"{location}: {path} {what}; its first line must be x,y,z,gap, then one point per line in m"
         )
-    return np.array([_numbers(row, number, path, place) for number, row in enumerate(rows, start=2)])
+    return np.array([_numbers(row, number, path, location) for number, row in enumerate(rows, start=2)])
 
 
-def _numbers(row: dict[str, str | None], number: int, path: Path, place: str) -> list[float]:
+def _numbers(row: dict[str, str | None], number: int, path: Path, location: str) -> list[float]:
     try:
         values = [float(row[column] or "") for column in _COLUMNS]
     except ValueError:
         values = [np.nan]
     if not np.all(np.isfinite(values)):
-        shown = ",".join(str(row[column]) for column in _COLUMNS)
+        words = ",".join(str(row[column]) for column in _COLUMNS)
         raise ConfigError(
-            f"{place}: {path} line {number}: expected four finite numbers x,y,z,gap, got {shown!r}"
+            f"{location}: {path} line {number}: expected four finite numbers x,y,z,gap, got {words!r}"
         )
     return values

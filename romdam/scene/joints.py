@@ -64,18 +64,18 @@ def build_joint(
     MeshError
         when the two meshes do not conform on the common face.
     """
-    place = f"{source}: joints.{name}"
-    whole = _all_gaps(name, joint, blocks, folder, place)
+    location = f"{source}: joints.{name}"
+    whole = _all_gaps(name, joint, blocks, folder, location)
     merged = any(set(whole.blocks) <= set(part.blocks) for part in parts)
     by = "supports or ties" if merged else "supports"
-    return _without_held_gaps(whole, fixed, parts, by, place)
+    return _without_held_gaps(whole, fixed, parts, by, location)
 
 
-def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, place: str) -> Joint:
+def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, location: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
-    face, surface = _face_gaps(joint, block_I, block_J, place)
-    _say_rotation(face, surface, joint.between.index(surface.block), place)
-    normal = _normals(joint, face.position, face.opposite, face.normal, place)
+    face, surface = _face_gaps(joint, block_I, block_J, location)
+    _say_rotation(face, surface, joint.between.index(surface.block), location)
+    normal = _normals(joint, face.position, face.opposite, face.normal, location)
     return Joint(
         name=name,
         blocks=joint.between,
@@ -89,33 +89,33 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
         water=np.zeros(len(face.area)),
         face=_linear_face(surface, face.corner),
         corner=face.corner,
-        **_properties(joint, face.area, face.position, folder, place),
+        **_properties(joint, face.area, face.position, folder, location),
     )
 
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
     """The facets of a surface, in the pieces that the nodes with gaps cut them into."""
     every, facets = bool(np.isin(surface.facets, corner).all()), []
-    for _, own, _ in facets_by_kind(surface.facets):
-        element = facet_element(own)
+    for _, facet_nodes, _ in facets_by_kind(surface.facets):
+        element = facet_element(facet_nodes)
         pieces = element.pieces if every else (tuple(range(element.corners)),)
         kinds = {len(piece): [other for other in pieces if len(other) == len(piece)] for piece in pieces}
-        facets += [np.concatenate([own[:, list(p)] for p in kind]) for kind in kinds.values()]
+        facets += [np.concatenate([facet_nodes[:, list(p)] for p in kind]) for kind in kinds.values()]
     return JointFace(surface.block, tuple(facets))
 
 
-def _say_rotation(face: FaceGaps, surface: Surface, side: int, place: str) -> None:
+def _say_rotation(face: FaceGaps, surface: Surface, side: int, location: str) -> None:
     """Log it where the gaps of a narrow face are off their bedding's stiffness against rotation."""
     seen = face.weights[side] @ surface.points[face.nodes[side]]
     exact, middle = second_moments(surface.points, surface.facets)
-    own = (seen - middle).T @ (face.area[:, None] * (seen - middle))
+    inertia = (seen - middle).T @ (face.area[:, None] * (seen - middle))
     across = np.linalg.eigh(exact)[1][:, 1]  # of the face's plane, the narrow way
-    share = float(across @ own @ across / (across @ exact @ across))
+    share = float(across @ inertia @ across / (across @ exact @ across))
     if abs(share - 1.0) > _TURNS:
         _log.info(
             "%s: closed, the gaps have %.2f times the stiffness of their bedding against rotation over the "
             "narrow side of the face; more elements across it come nearer to 1",
-            place, share,
+            location, share,
         )  # fmt: skip
 
 
@@ -124,20 +124,20 @@ def _quadratic(facets: Ints) -> bool:
     return facet_frame(facets).quadratic and len(facets_by_kind(facets)) == 1
 
 
-def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
+def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, location: str) -> tuple[FaceGaps, Surface]:
     """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
     if joint.discretization == "mortar":
-        return _mortar(joint, block_I, block_J, place)
+        return _mortar(joint, block_I, block_J, location)
     try:
-        facets, partner = coincident_facets(block_I, block_J, joint.tolerance, place)
+        facets, partner = coincident_facets(block_I, block_J, joint.tolerance, location)
     except (ConfigError, MeshError):
         if joint.discretization == "node_to_node":
             raise
-        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
-        return _mortar(joint, block_I, block_J, place)
+        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
+        return _mortar(joint, block_I, block_J, location)
     if joint.discretization == "auto" and joint.gaps == "nodes" and _quadratic(facets):
-        _log.info("%s: the faces are quadratic; discretization: mortar", place)
-        return _mortar(joint, block_I, block_J, place)
+        _log.info("%s: the faces are quadratic; discretization: mortar", location)
+        return _mortar(joint, block_I, block_J, location)
     surface = Surface(block_I.name, block_I.points, facets)
     return _node_to_node(joint, (block_I, block_J), facets, partner), surface
 
@@ -159,19 +159,19 @@ def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints,
     )
 
 
-def _mortar(joint: JointConfig, block_I: Block, block_J: Block, place: str) -> tuple[FaceGaps, Surface]:
-    interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, place)
+def _mortar(joint: JointConfig, block_I: Block, block_J: Block, location: str) -> tuple[FaceGaps, Surface]:
+    interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, location)
     gaps = mortar_gaps(interface)
     slave, master = interface.slave, interface.master
     area, faces = float(gaps.area.sum()), (float(slave.areas.sum()), float(master.areas.sum()))
     _log.info(
         "%s: mortar, %d gaps at the corners of %r against %r over %.6g m2, at most %.3g m apart",
-        place, len(gaps.area), slave.block, master.block, area, interface.apart,
+        location, len(gaps.area), slave.block, master.block, area, interface.apart,
     )  # fmt: skip
     if area < _PARTLY * max(faces):
         _log.info(
             "%s: the faces lie on each other over %.6g m2, of facets of %.6g m2 of %r and %.6g m2 of %r",
-            place, area, faces[0], slave.block, faces[1], master.block,
+            location, area, faces[0], slave.block, faces[1], master.block,
         )  # fmt: skip
     return gaps, slave
 
@@ -184,19 +184,19 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
     ConfigError
         for a wrong gap table.
     """
-    place = f"{source}: joints.{joint.name}"
-    properties = _properties(config, joint.area, joint.position, folder, place)
+    location = f"{source}: joints.{joint.name}"
+    properties = _properties(config, joint.area, joint.position, folder, location)
     loads = tuple(rows for rows in joint.laws if not find_law(rows.law).parameters)  # as water in cracks
     return replace(joint, **properties | {"laws": (*properties["laws"], *loads)})
 
 
 def _properties(
-    joint: JointConfig, area: Floats, position: Floats, folder: Path, place: str
+    joint: JointConfig, area: Floats, position: Floats, folder: Path, location: str
 ) -> dict[str, Any]:
     """Fields of a `Joint` that depend on its parameters alone."""
     keys = joint.law_keys
     return {
-        "gap": _initial_gap(joint, position, folder, place),
+        "gap": _initial_gap(joint, position, folder, location),
         **{law.array: _rows(law, keys, area)[:, 0] for law in LAWS if law.array and law is not Coulomb},
         "mu": _rows(Coulomb, keys, area),
         "laws": tuple(_further(law, keys, area) for law in joint.every_law if not law.array),
@@ -230,49 +230,51 @@ def local_axes(normal: Floats) -> Floats:
     return np.stack([normal, np.cross(k, normal), k], axis=1)
 
 
-def _normals(joint: JointConfig, points_I: Floats, points_J: Floats, outward: Floats, place: str) -> Floats:
+def _normals(
+    joint: JointConfig, points_I: Floats, points_J: Floats, outward: Floats, location: str
+) -> Floats:
     if joint.normal == "face":
         return outward
     if joint.normal == "nodes":
-        return _normals_from_nodes(points_I, points_J, place)
+        return _normals_from_nodes(points_I, points_J, location)
     vector = np.array(joint.normal)
     length = np.linalg.norm(vector)
     if length == 0.0:
         raise ConfigError(
-            f"{place}.normal must have a length above 0, got [0, 0, 0]; give its direction from I to J"
+            f"{location}.normal must have a length above 0, got [0, 0, 0]; give its direction from I to J"
         )
     cosine = outward @ vector / length
     if cosine.min() <= 0.0:
         raise ConfigError(
-            f"{place}.normal must point from block {joint.between[0]!r} to {joint.between[1]!r}, but at "
+            f"{location}.normal must point from block {joint.between[0]!r} to {joint.between[1]!r}, but at "
             f"{np.count_nonzero(cosine <= 0.0)} of {len(cosine)} gaps its cosine with the face normal is "
             f"{cosine.min():.3g} or more, limit above 0; reverse it, or use normal: face"
         )
     return np.tile(vector / length, (len(outward), 1))
 
 
-def _normals_from_nodes(points_I: Floats, points_J: Floats, place: str) -> Floats:
+def _normals_from_nodes(points_I: Floats, points_J: Floats, location: str) -> Floats:
     apart = points_J - points_I
     distance = np.linalg.norm(apart, axis=1)
     least = 1e-9 * np.ptp(points_I, axis=0).max()
     if distance.min() <= least:
         worst = ", ".join(f"{x:.6g}" for x in points_I[np.argmin(distance)])
         raise ConfigError(
-            f"{place}.normal = nodes needs a distance between the nodes of a pair, but "
+            f"{location}.normal = nodes needs a distance between the nodes of a pair, but "
             f"{np.count_nonzero(distance <= least)} of {len(distance)} pairs coincide (distance "
             f"{distance.min():.3g} m at ({worst})); move the blocks apart by the gap, or use normal: face"
         )
     return apart / distance[:, None]
 
 
-def _initial_gap(joint: JointConfig, position: Floats, folder: Path, place: str) -> Floats:
+def _initial_gap(joint: JointConfig, position: Floats, folder: Path, location: str) -> Floats:
     if isinstance(joint.gap, GapTable):
-        return table_gap(folder / joint.gap.table, position, f"{place}.gap.table")
+        return table_gap(folder / joint.gap.table, position, f"{location}.gap.table")
     return np.full(len(position), joint.gap)
 
 
 def _without_held_gaps(
-    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part], by: str, place: str
+    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part], by: str, location: str
 ) -> Joint:
     """Drop the gaps that cannot open, since supports or ties keep what they see of both sides together.
 
@@ -282,12 +284,16 @@ def _without_held_gaps(
     keep = _moves(joint, fixed, parts)
     if not keep.any():
         raise ConfigError(
-            f"{place}: {by} hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
+            f"{location}: {by} hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
             "remove the joint, or free one of its faces"
         )
     if not keep.all():
         _log.info(
-            "%s: %d of %d gaps are held by %s on both sides and dropped", place, (~keep).sum(), len(keep), by
+            "%s: %d of %d gaps are held by %s on both sides and dropped",
+            location,
+            (~keep).sum(),
+            len(keep),
+            by,
         )
     taker = nearest(joint.position[keep], joint.position[~keep])[1]
     share = np.zeros(int(keep.sum()))
@@ -301,8 +307,10 @@ def _moves(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bo
     moves = np.zeros(len(joint.area), dtype=bool)
     for axis in range(3):
         seen = [
-            sign * (weights @ csr_matrix(own[3 * nodes + axis]))
-            for sign, weights, own, nodes in zip((-1.0, 1.0), joint.weights, spread, joint.nodes, strict=True)
+            sign * (weights @ csr_matrix(rows[3 * nodes + axis]))
+            for sign, weights, rows, nodes in zip(
+                (-1.0, 1.0), joint.weights, spread, joint.nodes, strict=True
+            )
         ]
         changes = abs(seen[0] + seen[1] if together else hstack(seen)).max(axis=1).toarray().ravel()
         moves |= (changes > _NOTHING) & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
@@ -313,13 +321,13 @@ def _independent(
     joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]
 ) -> tuple[list[csr_matrix], bool]:
     """Matrices that take the DOFs of either block from independent ones, and whether these are the same."""
-    own = [next((part for part in parts if block in part.blocks), None) for block in joint.blocks]
+    parts_of = [next((part for part in parts if block in part.blocks), None) for block in joint.blocks]
     spread = []
-    for block, part in zip(joint.blocks, own, strict=True):
+    for block, part in zip(joint.blocks, parts_of, strict=True):
         held = fixed[block] if part is None else part.fixed(fixed)
         matrix = eye_array(held.size, format="csr") if part is None else part.spread(block)
         spread.append(csr_matrix(matrix @ diags_array((~held.ravel()).astype(float))))
-    return spread, own[0] is not None and own[0] is own[1]
+    return spread, parts_of[0] is not None and parts_of[0] is parts_of[1]
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:

@@ -14,13 +14,13 @@ _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _SHOWN = 3
 
 
-def coincident_facets(block_I: Block, block_J: Block, tolerance: float, place: str) -> tuple[Ints, Ints]:
+def coincident_facets(block_I: Block, block_J: Block, tolerance: float, location: str) -> tuple[Ints, Ints]:
     """Boundary facets of I whose nodes all coincide with those of a facet of J, and I's partners in J.
 
     Parameters
     ----------
     tolerance : largest distance of two nodes of a pair [m]
-    place : file and key of the joint, for messages
+    location : file and key of the joint, for messages
 
     Returns
     -------
@@ -37,9 +37,9 @@ def coincident_facets(block_I: Block, block_J: Block, tolerance: float, place: s
     sides = [_Side(block) for block in (block_I, block_J)]
     partner = _mutual_partners(sides[0], sides[1], tolerance)
     matched = _matched_facets(sides[0], sides[1], partner)
-    _refuse_nonconforming(sides, matched, partner, tolerance, place)
+    _refuse_nonconforming(sides, matched, partner, tolerance, location)
     if not matched[0].any():
-        raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
+        raise ConfigError(do_not_touch(block_I, block_J, tolerance, location))
     return sides[0].facets[matched[0]], partner
 
 
@@ -58,9 +58,9 @@ def _mutual_partners(side_I: _Side, side_J: _Side, tolerance: float) -> Ints:
     """Partner in J of every node of I: each is the other's nearest, within the tolerance."""
     points_I, points_J = side_I.points[side_I.nodes], side_J.points[side_J.nodes]
     distance, forth = nearest(points_J, points_I, tolerance * (1 + 1e-9))
-    found = np.isfinite(distance)
-    back = nearest(points_I, points_J[forth[found]])[1]
-    mutual = np.flatnonzero(found)[back == np.flatnonzero(found)]
+    within = np.isfinite(distance)
+    back = nearest(points_I, points_J[forth[within]])[1]
+    mutual = np.flatnonzero(within)[back == np.flatnonzero(within)]
     partner = np.full(len(side_I.points), -1)
     partner[side_I.nodes[mutual]] = side_J.nodes[forth[mutual]]
     return partner
@@ -70,11 +70,11 @@ def _matched_facets(side_I: _Side, side_J: _Side, partner: Ints) -> tuple[Bools,
     """Facets of I and of J that have the same nodes and look at each other."""
     matched = np.zeros(len(side_I.facets), dtype=bool), np.zeros(len(side_J.facets), dtype=bool)
     width = max(side.facets.shape[1] for side in (side_I, side_J))
-    own, other = (
+    facets_I, other = (
         np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), mode="edge") for s in (side_I, side_J)
     )
     number = {tuple(key): f for f, key in enumerate(facet_keys(other).tolist())}
-    images = facet_keys(partner[own])
+    images = facet_keys(partner[facets_I])
     for f in np.flatnonzero(images[:, 0] >= 0):
         facing = number.get(tuple(images[f].tolist()))
         if facing is not None and side_I.normals[f] @ side_J.normals[facing] < _OPPOSED:
@@ -83,7 +83,7 @@ def _matched_facets(side_I: _Side, side_J: _Side, partner: Ints) -> tuple[Bools,
 
 
 def _refuse_nonconforming(
-    sides: list[_Side], matched: tuple[Bools, Bools], partner: Ints, tolerance: float, place: str
+    sides: list[_Side], matched: tuple[Bools, Bools], partner: Ints, tolerance: float, location: str
 ) -> None:
     """Raise if a facet without a partner lies on a facet of the other block."""
     left, right = (np.flatnonzero(~m) for m in matched)
@@ -96,11 +96,11 @@ def _refuse_nonconforming(
     nodes_I = np.unique(sides[0].facets[over_I])
     nodes_J = np.unique(sides[1].facets[over_J])
     lonely = nodes_I[partner[nodes_I] < 0], nodes_J[~has_partner[nodes_J]]
-    raise MeshError(_does_not_conform(sides, (over_I, over_J), lonely, tolerance, place))
+    raise MeshError(_does_not_conform(sides, (over_I, over_J), lonely, tolerance, location))
 
 
 def _does_not_conform(
-    sides: list[_Side], over: tuple[Ints, Ints], lonely: tuple[Ints, Ints], tolerance: float, place: str
+    sides: list[_Side], over: tuple[Ints, Ints], lonely: tuple[Ints, Ints], tolerance: float, location: str
 ) -> str:
     names = [side.block.name for side in sides]
     counts = " and ".join(
@@ -113,7 +113,8 @@ def _does_not_conform(
     kinds = {side.block.element for side in sides}
     elements = f" ({' against '.join(s.block.element for s in sides)})" if len(kinds) > 1 else ""
     return (
-        f"{place}: the meshes of {names[0]!r} and {names[1]!r} do not conform{elements}: nodes on the common "
+        f"{location}: the meshes of {names[0]!r} and {names[1]!r} do not conform{elements}: nodes on the "
+        "common "
         f"face without a partner within {tolerance:g} m: {counts}; {_positions(where)}; mesh both blocks "
         f"with the same nodes on the common face, raise its `tolerance` if they are the same, or couple the "
         f"faces by discretization: mortar"
@@ -121,13 +122,13 @@ def _does_not_conform(
 
 
 def _positions(points: Floats) -> str:
-    shown = ", ".join("(" + ", ".join(f"{x:.6g}" for x in p) + ")" for p in points[:_SHOWN])
+    texts = ", ".join("(" + ", ".join(f"{x:.6g}" for x in p) + ")" for p in points[:_SHOWN])
     low, high = points.min(axis=0), points.max(axis=0)
     extent = ", ".join(f"{a} {x:.6g}..{y:.6g}" for a, x, y in zip("xyz", low, high, strict=True))
-    return f"at {shown}{', ...' if len(points) > _SHOWN else ''} (within {extent} m)"
+    return f"at {texts}{', ...' if len(points) > _SHOWN else ''} (within {extent} m)"
 
 
-def do_not_touch(block_I: Block, block_J: Block, tolerance: float, place: str) -> str:
+def do_not_touch(block_I: Block, block_J: Block, tolerance: float, location: str) -> str:
     """Say how far from each other two blocks are."""
     sides = [_Side(block) for block in (block_I, block_J)]
     points_I, points_J = (side.points[side.nodes] for side in sides)
@@ -135,10 +136,10 @@ def do_not_touch(block_I: Block, block_J: Block, tolerance: float, place: str) -
     closest = int(np.argmin(distance))
     at_I, at_J = (", ".join(f"{x:.6g}" for x in p) for p in (points_I[closest], points_J[forth[closest]]))
     return (
-        f"{place}: blocks {sides[0].block.name!r} and {sides[1].block.name!r} do not touch: no facets "
+        f"{location}: blocks {sides[0].block.name!r} and {sides[1].block.name!r} do not touch: no facets "
         f"coincide within {tolerance:g} m; the smallest distance between their nodes is "
         f"{distance[closest]:.6g} m, from ({at_I}) to ({at_J}); move a block, "
-        f"or raise {place.split(': ')[-1]}.tolerance"
+        f"or raise {location.split(': ')[-1]}.tolerance"
     )
 
 

@@ -27,13 +27,15 @@ _COVERED = 0.99  # share of a face from which on a joint covers it
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
-def odd_remarks(scene: Scene, materials: dict[str, Material], made: Collection[str] = ()) -> tuple[str, ...]:
+def odd_remarks(
+    scene: Scene, materials: dict[str, Material], generated: Collection[str] = ()
+) -> tuple[str, ...]:
     """Say what of a scene is odd, a sentence for each.
 
     Parameters
     ----------
     materials : by name, as they stand in the configuration
-    made : joints that a dam's own keys make, which cover what these say
+    generated : joints that a dam's own keys make, which cover what these say
     """
     return (
         *(line for name, material in materials.items() for line in _material(name, material)),
@@ -43,7 +45,7 @@ def odd_remarks(scene: Scene, materials: dict[str, Material], made: Collection[s
         *(
             line
             for name, joint in scene.joints.items()
-            if name not in made
+            if name not in generated
             for line in _partly(joint, scene.blocks)
         ),
         *_unjoined(scene),
@@ -54,19 +56,19 @@ def odd_remarks(scene: Scene, materials: dict[str, Material], made: Collection[s
 
 
 def _material(name: str, material: Material) -> list[str]:
-    found = []
+    remarks = []
     if not _DENSITY[0] <= material.rho <= _DENSITY[1]:
         meant = f"; is `{material.rho:g} t/m3` meant?" if 1.0 <= material.rho < 6.0 else ""
-        found.append(
+        remarks.append(
             f"materials.{name}.rho = {material.rho:g} kg/m3, concrete and rock have 2000 to 3000{meant}"
         )
     if not _MODULUS[0] <= material.E <= _MODULUS[1]:
         unit = "GPa" if material.E < 1e3 else "MPa"
         meant = f"; is `{material.E:g} {unit}` meant?" if material.E < 1e6 else ""
-        found.append(f"materials.{name}.E = {material.E:g} Pa, concrete has about 30e9{meant}")
+        remarks.append(f"materials.{name}.E = {material.E:g} Pa, concrete has about 30e9{meant}")
     if not _POISSON[0] <= material.nu <= _POISSON[1]:
-        found.append(f"materials.{name}.nu = {material.nu:g}, concrete has about 0.2, rock 0.2 to 0.3")
-    return found
+        remarks.append(f"materials.{name}.nu = {material.nu:g}, concrete has about 0.2, rock 0.2 to 0.3")
+    return remarks
 
 
 def _extent(blocks: dict[str, Block]) -> list[str]:
@@ -152,10 +154,10 @@ def _added_up(scene: Scene) -> list[str]:
     }
     for key, names in loads.items():
         seen: dict[tuple[str, tuple[int, ...]], int] = {}
-        for k, own in enumerate(names):
-            again = [name for name in own if seen.setdefault(name, k) != k]
+        for k, named in enumerate(names):
+            again = [name for name in named if seen.setdefault(name, k) != k]
             if again:
-                what = f"{len(again)} of its {len(own)} facets" if key == "loads.pressure" else "its node"
+                what = f"{len(again)} of its {len(named)} facets" if key == "loads.pressure" else "its node"
                 remarks.append(
                     f"{key}[{k}]: {what} of block {again[0][0]!r} are loaded by {key}[{seen[again[0]]}] too; "
                     "their sum acts"
@@ -187,11 +189,11 @@ def _unjoined(scene: Scene) -> list[str]:
     joined = {frozenset(joint.blocks) for joint in scene.joints.values()}
     joined |= {frozenset(tie.blocks) for tie in scene.ties}
     faces = {name: Surface.boundary(block) for name, block in scene.blocks.items()}
-    found = []
+    remarks = []
     for pair in combinations(scene.blocks, 2):
         points = [scene.blocks[name].points for name in pair]
-        apart = np.max([one.min(axis=0) for one in points], axis=0) - np.min(
-            [one.max(axis=0) for one in points], axis=0
+        apart = np.max([points_of.min(axis=0) for points_of in points], axis=0) - np.min(
+            [points_of.max(axis=0) for points_of in points], axis=0
         )
         if frozenset(pair) in joined or apart.max() > _TOUCH:
             continue
@@ -199,11 +201,11 @@ def _unjoined(scene: Scene) -> list[str]:
         area = float(between.area[np.abs(between.distance) <= _TOUCH].sum())
         if area > _EDGE * min(faces[name].areas.min() for name in pair):
             a, b = sorted(pair)
-            found.append(
+            remarks.append(
                 f"blocks {a!r} and {b!r} touch over {area:.4g} m2, and neither a joint nor a tie is "
                 "between them: they will pass through each other; name one, unless it is meant"
             )
-    return found
+    return remarks
 
 
 def _sinking(scene: Scene) -> list[str]:

@@ -11,7 +11,7 @@ from romdam.core.scene import Block, Ints
 from romdam.scene.facets import boundary_facets, facets_in_plane
 
 
-def select_facets(block: Block, face: FaceRef, place: str) -> Ints:
+def select_facets(block: Block, face: FaceRef, location: str) -> Ints:
     """Facets of a named face, or all boundary facets in a plane, (nf, nodes per facet).
 
     Raises
@@ -20,15 +20,15 @@ def select_facets(block: Block, face: FaceRef, place: str) -> Ints:
         for an unknown face, and when nothing lies on the face or plane.
     """
     if isinstance(face, PlaneRef):
-        return _in_plane(block, face, place)
+        return _in_plane(block, face, location)
     if face not in block.faces:
         known = ", ".join(sorted(block.faces)) or (
             "none (those of a mesh file are its groups of facets); select by plane: {axis: z, at: 0}"
         )
-        raise ConfigError(f"{place}: block {block.name!r} has no face {face!r}; its faces are {known}")
+        raise ConfigError(f"{location}: block {block.name!r} has no face {face!r}; its faces are {known}")
     if not len(block.faces[face]):
         raise ConfigError(
-            f"{place}: face {face!r} of block {block.name!r} has no facets, so it catches no node"
+            f"{location}: face {face!r} of block {block.name!r} has no facets, so it catches no node"
         )
     return block.faces[face]
 
@@ -39,7 +39,7 @@ def facet_keys(block: str, facets: Ints) -> list[tuple[str, tuple[int, ...]]]:
 
 
 def refuse_selected_twice(
-    seen: dict[tuple[str, tuple[int, ...]], str], block: str, facets: Ints, place: str
+    seen: dict[tuple[str, tuple[int, ...]], str], block: str, facets: Ints, location: str
 ) -> None:
     """Refuse a facet that a list names already: what acts on it would act twice.
 
@@ -55,33 +55,34 @@ def refuse_selected_twice(
     again = [key for key in keys if key in seen]
     if again:
         raise ConfigError(
-            f"{place}: {len(again)} of {len(keys)} facets of block {block!r} are named by "
+            f"{location}: {len(again)} of {len(keys)} facets of block {block!r} are named by "
             f"{seen[again[0]]} already, limit 0: what acts there would act twice; name each facet once"
         )
-    seen |= dict.fromkeys(keys, place)
+    seen |= dict.fromkeys(keys, location)
     if len(set(keys)) < len(keys):
         raise ConfigError(
-            f"{place}: {len(keys) - len(set(keys))} of {len(keys)} facets of block {block!r} stand twice in "
+            f"{location}: {len(keys) - len(set(keys))} of {len(keys)} facets of block {block!r} stand "
+            "twice in "
             "that face, limit 0; name each facet of the mesh's group once"
         )
 
 
-def _in_plane(block: Block, plane: PlaneRef, place: str) -> Ints:
+def _in_plane(block: Block, plane: PlaneRef, location: str) -> Ints:
     boundary = boundary_facets(block.cells, block.element)
     axis = "xyz".index(plane.axis)
-    found = facets_in_plane(block.points, boundary, axis, plane.at, plane.tolerance)
-    if not len(found):
+    facets = facets_in_plane(block.points, boundary, axis, plane.at, plane.tolerance)
+    if not len(facets):
         along = block.points[boundary, axis]
         off = np.abs(along - plane.at).max(axis=1)
         raise ConfigError(
-            f"{place}: the plane {plane.axis} = {plane.at:g} m catches no node of block {block.name!r}, "
+            f"{location}: the plane {plane.axis} = {plane.at:g} m catches no node of block {block.name!r}, "
             f"which spans {plane.axis} = {along.min():g} to {along.max():g} m; its nearest facet is "
             f"{off.min():.4g} m off, tolerance {plane.tolerance:g} m; correct `at`, or raise `tolerance`"
         )
-    return found
+    return facets
 
 
-def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float, place: str) -> int:
+def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float, location: str) -> int:
     """Number of the node nearest to a point.
 
     Raises
@@ -97,7 +98,8 @@ def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float,
     if distance[node] > tolerance:
         nearest, wanted = (", ".join(f"{x:.6g}" for x in p) for p in (block.points[node], at))
         raise ConfigError(
-            f"{place}: no node of block {block.name!r} within {tolerance:g} m of ({wanted}); the nearest is "
+            f"{location}: no node of block {block.name!r} within {tolerance:g} m of ({wanted}); the "
+            "nearest is "
             f"({nearest}), {distance[node]:.4g} m away; use its position, or raise `tolerance`"
         )
     return node

@@ -60,7 +60,7 @@ def refuse_free_blocks(
             I, J = (weights @ side for weights, side in zip(joint.weights, (I, J), strict=True))
         elif joint.weights is not None:
             follows = ~fixed[joint.blocks[0]][joint.nodes[0]]
-            I, J = (own.reshape(-1, 3, width)[follows] for own in (I, joint.weights @ J))
+            I, J = (jump_rows.reshape(-1, 3, width)[follows] for jump_rows in (I, joint.weights @ J))
         rows.append(_triangle((J - I).reshape(-1, width)))
     free = _null_space(_triangle(np.vstack(rows)))
     if free.shape[1]:
@@ -153,27 +153,29 @@ def motions_of_pieces(block: Block, nodes: int) -> Floats:
 
 def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
     """Rigid motions of nodes (n, 3, width), each at the columns of its body (`first`, by node)."""
-    own = rigid_motions(block, nodes)
+    motions = rigid_motions(block, nodes)
     columns = (first[nodes][:, None] + np.arange(6))[:, None, :]
     placed = np.zeros((len(nodes), 3, width))
-    np.put_along_axis(placed, np.broadcast_to(columns, own.shape), own, axis=2)
+    np.put_along_axis(placed, np.broadcast_to(columns, motions.shape), motions, axis=2)
     return placed
 
 
 def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
     """Few rows that span what supports, springs and a stiffness of its own stop of a block's motions."""
-    own = block.matrices
-    held = (held if own is None else held & ~own.absent) | sprung(block)
+    matrices = block.matrices
+    held = (held if matrices is None else held & ~matrices.absent) | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
     rows = _placed(block, nodes, first, width)[held[nodes]]
-    return _triangle(rows if own is None else np.vstack([rows, _of_stiffness(own, block, first, width)]))
+    return _triangle(
+        rows if matrices is None else np.vstack([rows, _of_stiffness(matrices, block, first, width)])
+    )
 
 
-def _of_stiffness(own: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
+def _of_stiffness(matrices: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
     """Rows that see rigid motions that meet a block's own stiffness, or in which no unknown of it moves."""
     motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
-    unknown, body = ~own.absent.ravel(), slice(first[0], first[0] + 6)
-    force = (own.K @ motions)[unknown] / own.K.diagonal()[unknown, None]
+    unknown, body = ~matrices.absent.ravel(), slice(first[0], first[0] + 6)
+    force = (matrices.K @ motions)[unknown] / matrices.K.diagonal()[unknown, None]
     unseen = np.zeros((width, width))
     unseen[body, body] = _unseen(motions[unknown, body])
     return np.vstack([np.where(np.abs(force) > _STRAINS, force, 0.0), unseen])
@@ -197,9 +199,9 @@ def _null_space(rows: Floats) -> Floats:
 
 
 def _explain(bodies: list[str], free: Floats, any_joint: bool, source: str) -> str:
-    own = free.reshape(len(bodies), 6, -1)
-    loose = [k for k in range(len(bodies)) if np.linalg.norm(own[k], axis=0).max() > 1e-6]
-    listed = ", ".join(f"{bodies[k]} ({_motions(own[k])})" for k in loose)
+    by_body = free.reshape(len(bodies), 6, -1)
+    loose = [k for k in range(len(bodies)) if np.linalg.norm(by_body[k], axis=0).max() > 1e-6]
+    listed = ", ".join(f"{bodies[k]} ({_motions(by_body[k])})" for k in loose)
     why = "neither supports nor joints hold" if any_joint else "no support holds"
     return (
         f"{source}: supports: {why} {listed}; "
@@ -207,9 +209,9 @@ def _explain(bodies: list[str], free: Floats, any_joint: bool, source: str) -> s
     )
 
 
-def _motions(own: Floats) -> str:
+def _motions(motions: Floats) -> str:
     """Names of the unit motions that a block can make, out of its free ones (6, m)."""
-    U, singular, _ = np.linalg.svd(own, full_matrices=False)
+    U, singular, _ = np.linalg.svd(motions, full_matrices=False)
     rank = int(np.count_nonzero(singular > 1e-6))
     if rank == 6:
         return "free to move in every way"
@@ -221,11 +223,11 @@ def _motions(own: Floats) -> str:
 
 def sprung(block: Block) -> Bools:
     """(n, 3) True where the springs of absorbing faces hold a component."""
-    found = np.zeros((len(block.points), 3), dtype=bool)
+    is_sprung = np.zeros((len(block.points), 3), dtype=bool)
     for face in block.absorbing:
         if np.isfinite(face.distance):
-            found[np.unique(face.facets)] = True
-    return found
+            is_sprung[np.unique(face.facets)] = True
+    return is_sprung
 
 
 def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = None) -> bool:

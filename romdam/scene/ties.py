@@ -69,12 +69,12 @@ class Part:
 
     def together(self, blocks: tuple[str, str], nodes: tuple[Ints, Ints]) -> Bools:
         """(k,) True for pairs of nodes of two blocks that can only move alike."""
-        I, J = (self.number[block][own] for block, own in zip(blocks, nodes, strict=True))
+        I, J = (self.number[block][rows] for block, rows in zip(blocks, nodes, strict=True))
         if self.slaves is None:
             return np.asarray(I == J)
         I, J = (
-            self.spread(block)[(3 * own[:, None] + np.arange(3)).ravel()]
-            for block, own in zip(blocks, nodes, strict=True)
+            self.spread(block)[(3 * rows[:, None] + np.arange(3)).ravel()]
+            for block, rows in zip(blocks, nodes, strict=True)
         )
         return np.asarray(abs(I - J).max(axis=1).toarray().reshape(-1, 3).max(axis=1) < _ROUNDING)
 
@@ -83,10 +83,10 @@ class Part:
         return self._fixed_everywhere(held)[: self.nodes]
 
     def _fixed_everywhere(self, held: Mapping[str, Bools]) -> Bools:
-        found = np.zeros((self.every_node, 3), dtype=bool)
+        is_fixed = np.zeros((self.every_node, 3), dtype=bool)
         for name in self.blocks:
-            np.logical_or.at(found, self.number[name], held[name])
-        return found
+            np.logical_or.at(is_fixed, self.number[name], held[name])
+        return is_fixed
 
     def stands_free(self, scene: Scene) -> bool:
         """True where supports alone stop every rigid motion."""
@@ -116,12 +116,12 @@ class Part:
         return Block(self.name, first.element, points, cells, first.material, {}, absorbing, matrices)
 
 
-def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -> Tie:
+def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], location: str) -> Tie:
     """Pair the nodes of two blocks' coinciding faces, or let one face follow the other.
 
     Parameters
     ----------
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -131,21 +131,21 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], place: str) -
         when node_to_node is asked for and the two meshes do not conform.
     """
     I, J = (blocks[b] for b in tie.between)
-    refuse_tied((I, J), place)
+    refuse_tied((I, J), location)
     if tie.discretization == "mortar":
-        return _mortar(name, tie, (I, J), place)
+        return _mortar(name, tie, (I, J), location)
     try:
-        facets, partner = coincident_facets(I, J, tie.tolerance, place)
+        facets, partner = coincident_facets(I, J, tie.tolerance, location)
     except (ConfigError, MeshError):
         if tie.discretization == "node_to_node":
             raise
-        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", place)
-        return _mortar(name, tie, (I, J), place)
+        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
+        return _mortar(name, tie, (I, J), location)
     nodes = np.unique(facets)
     return Tie(name, tie.between, (nodes, partner[nodes]))
 
 
-def refuse_tied(blocks: tuple[Block, Block], place: str) -> None:
+def refuse_tied(blocks: tuple[Block, Block], location: str) -> None:
     """Raise where one of two blocks has matrices of its own, whose unknowns no part of several blocks has.
 
     Raises
@@ -155,7 +155,8 @@ def refuse_tied(blocks: tuple[Block, Block], place: str) -> None:
     for block in blocks:
         if block.matrices is not None:
             raise ConfigError(
-                f"{place}: block {block.name!r} has matrices of its own, which no tie can have, limit 0 such "
+                f"{location}: block {block.name!r} has matrices of its own, which no tie can have, limit 0 "
+                "such "
                 "blocks; give it a joint, or tie the meshes before the matrices are made"
             )
 
@@ -175,21 +176,21 @@ def tie_joints(scene: Scene, names: Collection[str], joints: Mapping[str, JointC
         as `build_tie`, and where nodes would follow each other round in a circle.
     """
     keys = set(TieConfig.model_fields) - {"discretization"}  # what coincides is one, for mortar joints too
-    made = []
+    tied = []
     for name in names:
         tie = TieConfig(**{key: getattr(joints[name], key) for key in keys})
-        made.append(build_tie(name, tie, scene.blocks, f"{source}: joints.{name}"))
+        tied.append(build_tie(name, tie, scene.blocks, f"{source}: joints.{name}"))
     rest = {name: joint for name, joint in scene.joints.items() if name not in names}
-    return replace(scene, joints=rest, ties=(*scene.ties, *made))
+    return replace(scene, joints=rest, ties=(*scene.ties, *tied))
 
 
-def _mortar(name: str, tie: TieConfig, blocks: tuple[Block, Block], place: str) -> Tie:
-    interface = mortar_interface(*blocks, tie.tolerance, tie.overlap, place)
+def _mortar(name: str, tie: TieConfig, blocks: tuple[Block, Block], location: str) -> Tie:
+    interface = mortar_interface(*blocks, tie.tolerance, tie.overlap, location)
     weights = tie_weights(interface)
     slave, master = interface.slave, interface.master
     _log.info(
         "%s: mortar, %d nodes of %r follow those of %r over %.6g m2, at most %.3g m apart",
-        place, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
+        location, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
     )  # fmt: skip
     nodes = weights.slave, weights.master
     return Tie(name, (slave.block, master.block), nodes, weights.weights, weights.area)
@@ -226,11 +227,11 @@ def merged_parts(fixed: Mapping[str, Bools], ties: tuple[Tie, ...]) -> dict[str,
     parts = {}
     for k in dict.fromkeys(group.tolist()):
         members = [name for name, g in zip(names, group, strict=True) if g == k]
-        own = [node[first[name] : first[name] + nodes[name]] for name in members]
-        found, inverse = np.unique(np.concatenate(own), return_inverse=True)
-        ends = np.cumsum([len(n) for n in own])[:-1]
+        numbers = [node[first[name] : first[name] + nodes[name]] for name in members]
+        distinct, inverse = np.unique(np.concatenate(numbers), return_inverse=True)
+        ends = np.cumsum([len(n) for n in numbers])[:-1]
         number = dict(zip(members, np.split(inverse.astype(np.int64), ends), strict=True))
-        part = Part(_part_name(members), tuple(members), number, len(found))
+        part = Part(_part_name(members), tuple(members), number, len(distinct))
         mortar = [t for t in ties if t.weights is not None and t.blocks[0] in members]
         parts[part.name] = _with_slaves(part, mortar, fixed) if mortar else part
     return parts
@@ -242,13 +243,13 @@ def _with_slaves(part: Part, ties: list[Tie], fixed: Mapping[str, Bools]) -> Par
     follows = np.diff(means.indptr) > 0
     order, nodes = np.argsort(follows, kind="stable"), int((~follows).sum())
     _refuse_circles(part, ties, means)
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
+    position = np.empty(len(order), dtype=np.int64)
+    position[order] = np.arange(len(order))
     held = part.fixed(fixed)[order[nodes:]].ravel()
     rows = diags_array((~held).astype(float)) @ kron(
         means[order[nodes:]][:, order], eye_array(3), format="csr"
     )
-    number = {name: place[own] for name, own in part.number.items()}
+    number = {name: position[numbers] for name, numbers in part.number.items()}
     return replace(part, number=number, nodes=nodes, slaves=_resolved(csr_matrix(rows), 3 * nodes))
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 import yaml
 
 from romdam.config import load_config
-from romdam.config.parameters import find_place, si_value
+from romdam.config.parameters import find_varied_key, si_value
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.compiled import compiled
@@ -119,7 +119,7 @@ def test_a_users_law_is_of_the_configuration_and_its_file_of_the_digest(tmp_path
 
 def test_a_suite_may_vary_what_a_users_law_declares(tmp_path):
     config = load_config(written(tmp_path, KEYS)).config
-    place = find_place(config, "joints.contraction.rate_v_c", "v", "dam.yaml")
+    place = find_varied_key(config, "joints.contraction.rate_v_c", "v", "dam.yaml")
     assert place.units == "m s-1" and si_value(place, "5 mm/s", "v", "dam.yaml") == pytest.approx(0.005)
     with pytest.raises(ConfigError, match="greater than 0"):
         si_value(place, 0.0, "v", "dam.yaml")

@@ -54,7 +54,7 @@ class GroundConfig(Model):
     @property
     def named(self) -> dict[str, str]:
         """Key of every block named, below `ground`, and its name."""
-        viscous = {f"viscous[{i}].block": one.block for i, one in enumerate(self.viscous)}
+        viscous = {f"viscous[{i}].block": face.block for i, face in enumerate(self.viscous)}
         return viscous | {f"rock[{i}]": name for i, name in enumerate(self.rock)}
 
 

@@ -129,12 +129,12 @@ def read_user_laws(joint: Mapping[str, Any], folder: Path | None) -> dict[str, A
         for a law that cannot be loaded, and for what it does not take.
     """
     keys = dict(joint)
-    given = keys.pop("law", ())
-    asked = [given] if isinstance(given, str) or not isinstance(given, list | tuple) else given
-    names = [one for one in asked if isinstance(one, str)]
+    entries = keys.pop("law", ())
+    asked = [entries] if isinstance(entries, str) or not isinstance(entries, list | tuple) else entries
+    names = [entry for entry in asked if isinstance(entry, str)]
     if len(set(names)) < len(names):
         raise ValueError("`law` names a class twice; each is applied once")
-    laws = [_user_law(one, keys, folder) for one in asked]
+    laws = [_user_law(entry, keys, folder) for entry in asked]
     return keys | ({"law": tuple(laws)} if laws else {})
 
 
@@ -165,7 +165,7 @@ def _file_of(asked: Any, folder: Path | None) -> tuple[str, Path]:
     if (
         folder is None
         or not name.isidentifier()
-        or not all(part.isidentifier() for part in module.split("."))
+        or not all(word.isidentifier() for word in module.split("."))
     ):
         raise ValueError(
             f"`law` must be module.Class, a class in module.py beside this file, got {quote(asked)}"

@@ -95,8 +95,8 @@ class JointProperties(JointLaws):
     @property
     def law_keys(self) -> dict[str, Any]:
         """Every key of every law, a section as a mapping [SI]."""
-        own = self.model_dump(include={key for law in LAWS for key in law.key_names()})
-        return own | {key: value for law in self.law for key, value in law.values.items()}
+        keys = self.model_dump(include={key for law in LAWS for key in law.key_names()})
+        return keys | {key: value for law in self.law for key, value in law.values.items()}
 
     @property
     def every_law(self) -> tuple[type[Law], ...]:

@@ -137,12 +137,12 @@ class SuiteConfig(Model):
         if self.intensities is not None and self.scales != type(self).model_fields["scales"].default:
             raise ValueError("give `scales` or `intensities`, not both")
         first: dict[str, str] = {}
-        for name, one in self.parameters.items():
-            if first.setdefault(one.path, name) != name:
+        for name, parameter in self.parameters.items():
+            if first.setdefault(parameter.path, name) != name:
                 raise ValueError(
-                    f"parameters.{name}.path: {quote(one.path)} is varied twice; remove one of the two"
+                    f"parameters.{name}.path: {quote(parameter.path)} is varied twice; remove one of the two"
                 )
-            self._has_what_the_design_needs(name, one)
+            self._has_what_the_design_needs(name, parameter)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")
         if isinstance(self.design, LatinHypercubeConfig) and not self.parameters:
@@ -157,7 +157,9 @@ class SuiteConfig(Model):
 
     def _refuse_too_many(self) -> None:
         scales = len(self._targets() or self.scales)
-        levels = [len(one.values or ()) or one.count or 1 for one in self.parameters.values()]
+        levels = [
+            len(parameter.values or ()) or parameter.count or 1 for parameter in self.parameters.values()
+        ]
         samples = math.prod(levels) if self.design == "grid" else 1
         if scales * samples > MOST_RUNS:
             raise ValueError(
@@ -168,14 +170,14 @@ class SuiteConfig(Model):
     def _targets(self) -> tuple[float, ...]:
         return () if self.intensities is None else self.intensities.values
 
-    def _has_what_the_design_needs(self, name: str, one: ParameterConfig) -> None:
+    def _has_what_the_design_needs(self, name: str, parameter: ParameterConfig) -> None:
         if isinstance(self.design, DesignTableConfig):
-            if one.values is not None or one.low is not None:
+            if parameter.values is not None or parameter.low is not None:
                 raise ValueError(f"parameters.{name}: the table gives the values; leave only `path`")
         elif isinstance(self.design, LatinHypercubeConfig):
-            if one.values is None and one.low is None:
+            if parameter.values is None and parameter.low is None:
                 raise ValueError(f"parameters.{name}: a Latin hypercube needs `low` and `high`, or `values`")
-        elif one.values is None and one.count is None:
+        elif parameter.values is None and parameter.count is None:
             raise ValueError(
                 f"parameters.{name}: the full grid needs `values`, or `low`, `high` and `count`; "
                 "or set design: {latin_hypercube: 100}"

@@ -62,15 +62,19 @@ def refuse_wrong_motions(
     ------
     ValueError
     """
-    moving = {f"supports[{i}].motion": one.motion for i, one in enumerate(supports) if one.motion is not None}
-    for place, motion in moving.items():
+    moving = {
+        f"supports[{i}].motion": support.motion
+        for i, support in enumerate(supports)
+        if support.motion is not None
+    }
+    for key, motion in moving.items():
         if transient.integrator == "conserving":
             raise ValueError(
-                f"{place}: transient.integrator: conserving knows one motion of the base; take adaptive, "
+                f"{key}: transient.integrator: conserving knows one motion of the base; take adaptive, "
                 "modal or generalized_alpha"
             )
         if motion.record is not None and several:
             raise ValueError(
-                f"{place}.record: goes with one record, and there are several entries of `records`, or a "
+                f"{key}.record: goes with one record, and there are several entries of `records`, or a "
                 "suite; give one and pipeline: run, or `delay` and `factor`"
             )

@@ -14,7 +14,7 @@ from romdam.scene.facets import area_elements, area_vectors, row_numbers
 from romdam.scene.meshes.kinds import chunks_of
 from romdam.scene.mortar.segments import integrand_degree, samples
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.reservoir.own_mesh import lying_on
+from romdam.scene.reservoir.reservoir_mesh import lying_on
 
 _CHUNK = 4096  # cells, or triangles, at a time
 

@@ -16,7 +16,7 @@ from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
 from romdam.scene.elements import ELEMENTS, Floats
 from romdam.scene.facets import row_numbers
-from romdam.scene.reservoir.own_mesh import UPRIGHT
+from romdam.scene.reservoir.reservoir_mesh import UPRIGHT
 from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 
 _GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam

@@ -165,19 +165,19 @@ def _outer_modes(
     further: int,
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
     """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
-    own = csr_matrix(M[solver.outer][:, solver.outer])
+    M_outer = csr_matrix(M[solver.outer][:, solver.outer])
     if isinstance(solver, CondensedSingle):
-        (count, _), make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted)
+        (count, _), make = krylov_modes(Flexibility(M_outer, solver.near.solve, shift), wanted)
         vectors = make(0, count)
         del make  # it holds the factors that are to go
         if count:
             solver.sharpen(vectors)
         del vectors
-    counts, make = krylov_modes(Flexibility(own, solver.near.solve, shift), wanted, beyond, further)
+    counts, make = krylov_modes(Flexibility(M_outer, solver.near.solve, shift), wanted, beyond, further)
 
     def over_all(first: int, last: int) -> Floats:
         forces = np.zeros((M.shape[0], last - first))
-        forces[solver.outer] = own @ make(first, last)
+        forces[solver.outer] = M_outer @ make(first, last)
         return solver.solve(forces)
 
     return counts, over_all
@@ -191,13 +191,13 @@ def _finite_modes(
     (K - shift M) u = (omega^2 - shift) M u leaves D M u = u / (omega^2 - shift) on them.
     """
     _refuse_too_many(len(moving))
-    own = csr_matrix(M)[moving][:, moving].toarray()
+    M_moving = csr_matrix(M)[moving][:, moving].toarray()
     unit = np.zeros((M.shape[0], len(moving)))
     unit[moving, np.arange(len(moving))] = 1.0
     D = solver.solve(unit)[moving]
-    mu, V = eigh(0.5 * (D + D.T), own, kind=2)
+    mu, V = eigh(0.5 * (D + D.T), M_moving, kind=2)
     finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
-    return 1.0 / mu[finite] + shift, solver.solve(unit @ (own @ V[:, finite])) / mu[finite]
+    return 1.0 / mu[finite] + shift, solver.solve(unit @ (M_moving @ V[:, finite])) / mu[finite]
 
 
 def _refuse_too_many(size: int) -> None:

@@ -161,8 +161,8 @@ def narrow_modes(D: Flexibility, count: int) -> tuple[Floats, Floats]:
 def _columns(D: Flexibility, forces: Floats, first: int, last: int) -> Floats:
     """Some of the rigid motions and, after them, of the answers to forces."""
     rigid = D.rigid.shape[1]
-    own = slice(max(first - rigid, 0), max(last - rigid, 0))
-    return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, own])])
+    elastic = slice(max(first - rigid, 0), max(last - rigid, 0))
+    return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, elastic])])
 
 
 def _searched(D: Flexibility, wanted: Wanted, limit: float, width: int, residual: float) -> tuple[int, _Ritz]:
@@ -231,17 +231,17 @@ class _Krylov:
         return _Ritz(mu[::-1], S[:, ::-1], error[::-1], self._space)
 
     def _step(self) -> None:
-        own = self._D.own
-        V, image = _orthonormal(own, *self._next)
+        M = self._D.own
+        V, image = _orthonormal(M, *self._next)
         self._space.append(V)
         self._blocks, self._images = [*self._blocks[-1:], V], [*self._images[-1:], image]
         W = self._D @ image
         parts = [each.T @ W for each in self._images]  # W has round-off alone of the blocks before those
-        for block, part in zip(self._blocks, parts, strict=True):
-            W -= block @ part
+        for block, share in zip(self._blocks, parts, strict=True):
+            W -= block @ share
         self._edges.append(np.vstack(parts))
         self._size += V.shape[1]
-        W, gram = self._next = _apart(own, [*self._fixed, *self._space.pieces], W)
+        W, gram = self._next = _apart(M, [*self._fixed, *self._space.pieces], W)
         self._largest = max(self._largest, parts[-1].diagonal().max())
         self.ended = self._size >= self._most or bool(gram.diagonal().max() <= (_NONE * self._largest) ** 2)
 
@@ -258,28 +258,28 @@ def _projected(edges: list[Floats]) -> Floats:
     return 0.5 * (T + T.T)
 
 
-def _apart(own: csr_matrix, pieces: list[Floats], W: Floats) -> tuple[Floats, Floats]:
+def _apart(M: csr_matrix, pieces: list[Floats], W: Floats) -> tuple[Floats, Floats]:
     """W less its part in M-orthonormal vectors, in place, and W^T M W of what is left.
 
     Where that is the smaller part it has few digits, and is taken apart once more: twice is enough.
     """
     for _ in range(2):
-        MW = own @ W
+        MW = M @ W
         gram = W.T @ MW
         before = gram.diagonal().copy()
         for piece in pieces:
-            part = piece.T @ MW
-            W -= piece @ part
-            gram -= part.T @ part
+            share = piece.T @ MW
+            W -= piece @ share
+            gram -= share.T @ share
         if (gram.diagonal() >= _SMALLER * before).all():
             return W, gram
-    return W, W.T @ (own @ W)
+    return W, W.T @ (M @ W)
 
 
-def _orthonormal(own: csr_matrix, W: Floats, gram: Floats) -> tuple[Floats, Floats]:
+def _orthonormal(M: csr_matrix, W: Floats, gram: Floats) -> tuple[Floats, Floats]:
     """M-orthonormal vectors V that span W's, and M V, from W^T M W; once more for what round-off has left."""
     V = W @ orthonormalising(gram, _DEPENDENT)
-    image = np.asarray(own @ V)
+    image = np.asarray(M @ V)
     mix = orthonormalising(V.T @ image, _DEPENDENT)
     return V @ mix, image @ mix
 

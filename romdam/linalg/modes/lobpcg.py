@@ -95,7 +95,7 @@ def block_modes(pencil: Pencil, wanted: Wanted) -> tuple[Floats, Floats]:
 
 
 def missed(
-    pencil: Pencil, found: tuple[Floats, Floats], wanted: Wanted, random: np.random.Generator | None = None
+    pencil: Pencil, modes: tuple[Floats, Floats], wanted: Wanted, random: np.random.Generator | None = None
 ) -> float | None:
     """Look for a mode that was missed among the lowest: its omega^2, or None.
 
@@ -104,7 +104,7 @@ def missed(
     missed mode would have to be nearly orthogonal to eight random vectors), not the proof that Sylvester's
     inertia is.
     """
-    omega2, X = found
+    omega2, X = modes
     random = random or np.random.default_rng(1)
     spare = pencil.K.shape[0] - X.shape[1]
     if spare <= 0 or not len(omega2):
@@ -191,13 +191,13 @@ def _beside(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floa
 
 def _forms(left: tuple[Floats, ...], A: spmatrix, D: Floats) -> list[Floats]:
     """L^T A D for each L, some columns of A D at a time."""
-    found = [np.empty((L.shape[1], D.shape[1])) for L in left]
+    products = [np.empty((L.shape[1], D.shape[1])) for L in left]
     for first in range(0, D.shape[1], _WIDTH):
         some = slice(first, first + _WIDTH)
         AD = A @ D[:, some]
-        for total, L in zip(found, left, strict=True):
+        for total, L in zip(products, left, strict=True):
             total[:, some] = L.T @ AD
-    return found
+    return products
 
 
 def independent(M: spmatrix, D: Floats) -> Floats:

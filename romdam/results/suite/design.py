@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.config.load import Job
-from romdam.config.parameters import Place, find_place, si_value
+from romdam.config.parameters import VariedKey, find_varied_key, si_value
 from romdam.config.sections.suite import (
     MOST_RUNS,
     DesignTableConfig,
@@ -28,7 +28,7 @@ from romdam.postprocess.responses import PARAMETER
 _MOST_TABLE = 1e9  # bytes
 
 
-def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
+def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
     """Find where each parameter of a suite stands.
 
     Raises
@@ -38,29 +38,27 @@ def parameter_places(job: Job, suite: SuiteConfig) -> dict[str, Place]:
     """
     source = str(job.path)
     places = {
-        n: find_place(job.config, parameter.path, n, source) for n, parameter in suite.parameters.items()
+        n: find_varied_key(job.config, parameter.path, n, source) for n, parameter in suite.parameters.items()
     }
     taken: dict[tuple[str, str], str] = {}
-    for name, found_at in places.items():
-        for joint in found_at.joints or ("",):
-            other = taken.setdefault((joint, found_at.keys[0]), name)
-            if other != name and (
-                found_at.keys == places[other].keys or not _beside(found_at, places[other])
-            ):
+    for name, key in places.items():
+        for joint in key.joints or ("",):
+            other = taken.setdefault((joint, key.keys[0]), name)
+            if other != name and (key.keys == places[other].keys or not _beside(key, places[other])):
                 raise ConfigError(
-                    f"{source}: suite.parameters.{name}.path: {found_at.path} varies what parameter "
+                    f"{source}: suite.parameters.{name}.path: {key.path} varies what parameter "
                     f"{other!r} "
                     f"({places[other].path}) does; remove one of the two"
                 )
     return places
 
 
-def _beside(first: Place, other: Place) -> bool:
+def _beside(first: VariedKey, other: VariedKey) -> bool:
     """Tell whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
     return len(first.keys) == len(other.keys) == 2
 
 
-def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) -> xr.Dataset:
+def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]) -> xr.Dataset:
     """The samples of a suite: dims sample, a variable `parameter_<name>` for each parameter, SI.
 
     Raises
@@ -89,18 +87,18 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, Place]) ->
     return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
 
 
-def _levels(name: str, parameter: ParameterConfig, target: Place, source: str) -> Floats:
+def _levels(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -> Floats:
     """The values of a parameter in the full grid."""
     if parameter.values is not None:
-        return np.array([si_value(target, value, name, source) for value in parameter.values])
-    low, high = _range(name, parameter, target, source)
+        return np.array([si_value(key, value, name, source) for value in parameter.values])
+    low, high = _range(name, parameter, key, source)
     if parameter.distribution == "loguniform":
         return np.geomspace(low, high, parameter.count or 2)
     return np.linspace(low, high, parameter.count or 2)
 
 
-def _range(name: str, parameter: ParameterConfig, target: Place, source: str) -> tuple[float, float]:
-    low, high = (si_value(target, v, name, source) for v in (parameter.low, parameter.high) if v is not None)
+def _range(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -> tuple[float, float]:
+    low, high = (si_value(key, v, name, source) for v in (parameter.low, parameter.high) if v is not None)
     least = 0.0 if parameter.distribution == "loguniform" else -np.inf
     if not least < low < high < np.inf:
         raise ConfigError(
@@ -112,7 +110,7 @@ def _range(name: str, parameter: ParameterConfig, target: Place, source: str) ->
 
 
 def _grid(
-    parameters: Mapping[str, ParameterConfig], places: Mapping[str, Place], source: str
+    parameters: Mapping[str, ParameterConfig], places: Mapping[str, VariedKey], source: str
 ) -> dict[str, Floats]:
     levels = {name: _levels(name, parameter, places[name], source) for name, parameter in parameters.items()}
     rows = list(itertools.product(*levels.values()))
@@ -122,7 +120,7 @@ def _grid(
 def _latin_hypercube(
     design: LatinHypercubeConfig,
     parameters: Mapping[str, ParameterConfig],
-    places: Mapping[str, Place],
+    places: Mapping[str, VariedKey],
     source: str,
 ) -> dict[str, Floats]:
     unit = _unit_samples(design.latin_hypercube, len(parameters), design.seed)
@@ -153,7 +151,7 @@ def _unit_samples(samples: int, parameters: int, seed: int) -> Floats:
     return np.asarray((strata.T - within) / samples)
 
 
-def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
+def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
     lines = _lines(path)
     if len(lines) < 2:
         raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
@@ -172,8 +170,8 @@ def _table(path: Path, places: Mapping[str, Place]) -> dict[str, Floats]:
                 "by commas, and write numbers with a decimal point"
             )
     return {
-        name: np.array([_cell(path, number, cells[at], name, target) for number, cells in lines[1:]])
-        for name, target in places.items()
+        name: np.array([_cell(path, number, cells[at], name, key) for number, cells in lines[1:]])
+        for name, key in places.items()
         for at in (columns.index(name),)
     }
 
@@ -189,7 +187,7 @@ def _lines(path: Path) -> list[tuple[int, list[str]]]:
         raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
 
 
-def _cell(path: Path, line: int, text: str, name: str, target: Place) -> float:
+def _cell(path: Path, line: int, text: str, name: str, key: VariedKey) -> float:
     if not text:
         raise ConfigError(f"{path}: line {line}: no value for {name}")
-    return si_value(target, text, name, f"{path}: line {line}")
+    return si_value(key, text, name, f"{path}: line {line}")

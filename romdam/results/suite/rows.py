@@ -20,7 +20,7 @@ from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.stress.faces import headline_stress, of_faces
 from romdam.results.variables import VARIABLES
 
-Place = tuple[int, int, int]  # numbers of record, scale and sample
+RunIndex = tuple[int, int, int]  # numbers of record, scale and sample
 
 _JOINT = ("joint",)
 AT_THE_END = ", at the end"  # of the long names of what is the last of a variable over time

@@ -30,7 +30,7 @@ from romdam.postprocess.responses import RUNS
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
-from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Place, Row, attributes_of, dims_of
+from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, RunIndex, attributes_of, dims_of
 from romdam.results.variables import COORDINATES
 
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
@@ -70,7 +70,7 @@ def suite_of(job: Job) -> SuiteConfig:
 
 
 def summary_dataset(
-    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
+    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
 ) -> xr.Dataset:
     """Put the rows of a suite, or of a plain job's records, into one Dataset.
 
@@ -158,7 +158,7 @@ def _results_folder(job: Job) -> str:
     return RUNS_FOLDER if job.config.pipeline == "suite" else _BESIDE
 
 
-def _files(shape: tuple[int, ...], rows: Mapping[Place, Row], folder: str) -> Any:
+def _files(shape: tuple[int, ...], rows: Mapping[RunIndex, Row], folder: str) -> Any:
     files = np.full(shape, "", dtype=object)
     for at, row in rows.items():
         files[at] = "" if row.kept is None else row.kept.file
@@ -168,7 +168,7 @@ def _files(shape: tuple[int, ...], rows: Mapping[Place, Row], folder: str) -> An
 
 
 def _status(
-    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[Place, Row]
+    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
 ) -> dict[str, Any]:
     status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
     for i, record in enumerate(records):
@@ -313,8 +313,8 @@ def open_suite(folder: str | Path) -> xr.DataTree:
     return xr.DataTree.from_dict(parts)
 
 
-def kept_results(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
-    """Place of a run -> file of its own result, of every run that has one."""
+def kept_results(summary: xr.Dataset, folder: Path) -> dict[RunIndex, Path]:
+    """Index of a run -> file of its own result, of every run that has one."""
     if "file" not in summary:  # romdam 0.1 named them so
         return _kept_before(summary, folder / RUNS_FOLDER)
     inside = folder if summary.attrs.get(_FOLDER) == _BESIDE else folder / RUNS_FOLDER
@@ -322,7 +322,7 @@ def kept_results(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
     return {(at[0], at[1], at[2]): inside / Path(str(file)).name for at, file in cells if file}
 
 
-def _kept_before(summary: xr.Dataset, folder: Path) -> dict[Place, Path]:
+def _kept_before(summary: xr.Dataset, folder: Path) -> dict[RunIndex, Path]:
     names = {str(name): i for i, name in enumerate(summary.record.values)}
     stems = {path: path.stem.rsplit("__", 2) for path in sorted(folder.glob("*.nc"))}
     return {

@@ -64,13 +64,13 @@ class _Grid:
     tags: dict[bool, Floats]
 
 
-def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) -> Dam:
+def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: str) -> Dam:
     """Mesh an arch dam.
 
     Parameters
     ----------
     materials : by name
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -81,9 +81,9 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
         for elements turned inside out.
     """
     config = config.model_copy(update={"divisions": config.divisions.refined})
-    shape = ArchShape(config, place)
+    shape = ArchShape(config, location)
     dam = _dam_points(shape)
-    ground = ground_grid(config, dam, place)
+    ground = ground_grid(config, dam, location)
     grid = _grid(config, dam, ground)
     points, cells, tags = _elements(grid, config.element)
     owner = np.repeat(grid.owner, len(cells) // len(grid.owner))
@@ -91,11 +91,11 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], place: str) 
     blocks, numbers = {}, {}
     for k, name in enumerate(config.block_names):
         numbers[name], local = np.unique(cells[owner == k], return_inverse=True)
-        own = local.reshape(-1, cells.shape[1]).astype(np.int64)
-        block = Block(name, config.element, points[numbers[name]], own, kinds[name], {})
+        cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
+        block = Block(name, config.element, points[numbers[name]], cell_nodes, kinds[name], {})
         where = tags[k < config.cantilevers][numbers[name]]
         blocks[name] = replace(block, faces=_faces(config, block, where, ground))
-        refuse_bad_cells(blocks[name], place)
+        refuse_bad_cells(blocks[name], location)
     zones = config.rock.zones if config.rock else {}
     excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
     held, ties = _held(config, blocks), _ties(config, blocks, numbers)
@@ -138,14 +138,14 @@ def _with_ground(inner: _Grid, dam: Ints, ground: Ground, names: list[str]) -> _
     fresh = number >= first
     count = first + int(fresh.sum())
     cells = hexahedra(number[:, :, ::-1]).reshape(*(n - 1 for n in number.shape), 8)[:, :, ::-1]
-    part = ground.parts(names)
-    filled = part >= 0
-    left = np.broadcast_to(2 * np.arange(len(part))[:, None, None] < len(part), part.shape)
+    piece_of = ground.parts(names)
+    filled = piece_of >= 0
+    left = np.broadcast_to(2 * np.arange(len(piece_of))[:, None, None] < len(piece_of), piece_of.shape)
     rest = np.full((count - first, 3), np.nan)
     return _Grid(
         points=np.vstack([inner.points, ground.points[fresh]]),
         cells=np.vstack([inner.cells, cells[filled]]),
-        owner=np.concatenate([inner.owner, part[filled]]),
+        owner=np.concatenate([inner.owner, piece_of[filled]]),
         mirrored=np.concatenate([inner.mirrored, left[filled]]),
         tags={True: np.vstack([inner.tags[True], rest]), False: _tags(number, count)},
     )
@@ -174,26 +174,26 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
 
 
 def _block_materials(config: ArchDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
-    found = dict.fromkeys(config.cantilever_names, materials[config.material])
+    names = dict.fromkeys(config.cantilever_names, materials[config.material])
     if config.perimeter:
-        found[PERIMETER] = materials[config.perimeter.material]
+        names[PERIMETER] = materials[config.perimeter.material]
     for zone, rock in config.rock.zones.items() if config.rock else ():
-        found[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
-    return found
+        names[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
+    return names
 
 
 def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | None) -> dict[str, Ints]:
     facets = boundary_facets(block.cells, block.element)
     where, points = tags[facets], block.points[facets]
     if block.name in config.cantilever_names:
-        found = _cantilever_faces(config, block.name, where)
+        faces = _cantilever_faces(config, block.name, where)
     elif block.name == PERIMETER:
         assert ground is not None
-        found = _perimeter_faces(where, ground)
+        faces = _perimeter_faces(where, ground)
     else:
         assert ground is not None
-        found = _rock_faces(config, where, points, ground)
-    return {name: facets[on] for name, on in found.items() if on.any()}
+        faces = _rock_faces(config, where, points, ground)
+    return {name: facets[on] for name, on in faces.items() if on.any()}
 
 
 def _cantilever_faces(config: ArchDamConfig, name: str, where: Floats) -> dict[str, Bools]:
@@ -204,13 +204,13 @@ def _cantilever_faces(config: ArchDamConfig, name: str, where: Floats) -> dict[s
     contact = (c == 0).all(axis=1)
     for i in ends:
         contact |= (a == sides[i]).all(axis=1)
-    found = {
+    faces = {
         "upstream": (b == 0).all(axis=1),
         "downstream": (b == d.through).all(axis=1),
         "crest": (c == d.up).all(axis=1),
         "contact": contact,
     }
-    return found | {f"{JOINT}{i}": (a == at).all(axis=1) for i, at in sides.items() if i not in ends}
+    return faces | {f"{JOINT}{i}": (a == at).all(axis=1) for i, at in sides.items() if i not in ends}
 
 
 def _perimeter_faces(where: Floats, ground: Ground) -> dict[str, Bools]:
@@ -274,12 +274,12 @@ def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, In
     pairs += [(g, h) for i, g in enumerate(ground) for h in ground[i + 1 :]]
     if config.joints == "tied":
         pairs += list(pairwise(cantilevers))
-    found = []
+    ties = []
     for I, J in pairs:
         _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
         if len(at_I):
-            found.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
-    return tuple(found)
+            ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
+    return tuple(ties)
 
 
 def _held(config: ArchDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:

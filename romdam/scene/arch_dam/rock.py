@@ -65,15 +65,15 @@ class Ground:
 
     def parts(self, names: list[str]) -> Ints:
         """Number of the block of every cell in a list of names, -1 where there is none."""
-        part = np.full(self.zone.shape, -1)
+        piece = np.full(self.zone.shape, -1)
         if self.perimeter.any():
-            part[self.perimeter] = names.index(PERIMETER)
+            piece[self.perimeter] = names.index(PERIMETER)
         for k, zone in enumerate(self.zones):
-            part[self.zone == k] = names.index(f"{ROCK}_{zone}")
-        return part
+            piece[self.zone == k] = names.index(f"{ROCK}_{zone}")
+        return piece
 
 
-def ground_grid(config: ArchDamConfig, dam: Floats, place: str) -> Ground | None:
+def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | None:
     """Lay the ground around a dam's grid of points (na + 1, nb + 1, nc + 1, 3); None without any.
 
     Raises
@@ -101,14 +101,14 @@ def ground_grid(config: ArchDamConfig, dam: Floats, place: str) -> Ground | None
         points = np.stack(layers, axis=2)
         filled = np.ones(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
         return Ground(points, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
-    _refuse_small(config, config.rock, layers[-1], place)
+    _refuse_small(config, config.rock, layers[-1], location)
     outer = _box(config, config.rock, layers[-1], rays)
     for key in ("rock", "upstream", "downstream"):
-        refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{place}.divisions.{key}")
+        refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{location}.divisions.{key}")
     share = graded(config.divisions.rock, config.divisions.growth)[1:]
     layers += [layers[count] + s * (outer - layers[count]) for s in share]
     points, under = _rows(config, config.rock, np.stack(layers, axis=2))
-    return _zoned(config, config.rock, points, under, count, contact, place)
+    return _zoned(config, config.rock, points, under, count, contact, location)
 
 
 def _rays(inner: Floats, crest: float) -> Floats:
@@ -132,17 +132,18 @@ def _stretch(inner: Floats, rays: Floats) -> Floats:
     return 1.0 / np.maximum(least, _FLAT)
 
 
-def _refuse_small(config: ArchDamConfig, rock: RockConfig, inner: Floats, place: str) -> None:
+def _refuse_small(config: ArchDamConfig, rock: RockConfig, inner: Floats, location: str) -> None:
     extents = {
         "half_width": (rock.half_width, float(np.abs(inner[..., 0]).max())),
         "upstream": (rock.upstream, float(-inner[..., 1].min())),
         "downstream": (rock.downstream, float(inner[..., 1].max())),
         "depth": (rock.depth, float(config.base - inner[..., 2].min())),
     }
-    for key, (given, needed) in extents.items():
-        if given <= needed:
+    for key, (extent, needed) in extents.items():
+        if extent <= needed:
             raise ConfigError(
-                f"{place}.rock.{key}: the rock is smaller than the dam: {given:g} m, but dam and perimeter "
+                f"{location}.rock.{key}: the rock is smaller than the dam: {extent:g} m, but dam and "
+                "perimeter "
                 f"reach {needed:.4g} m; make it larger, commonly by one or two heights of the dam"
             )
 
@@ -168,12 +169,12 @@ def graded(count: int, growth: float) -> Floats:
     return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
 
 
-def refuse_thin(count: int, growth: float, place: str) -> None:
+def refuse_thin(count: int, growth: float, location: str) -> None:
     """A few layers that grow too fast leave the first ones no thickness: their nodes would coincide."""
     first = float(graded(count, growth)[1])
     if first < _THIN:
         raise ConfigError(
-            f"{place}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
+            f"{location}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
             f"whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
         )
 
@@ -198,7 +199,7 @@ def _zoned(
     under: tuple[int, int],
     layers: int,
     contact: Ints,
-    place: str,
+    location: str,
 ) -> Ground:
     shape = tuple(n - 1 for n in points.shape[:3])
     perimeter = np.zeros(shape, dtype=bool)
@@ -207,19 +208,20 @@ def _zoned(
         points[i : i + shape[0], j : j + shape[1], k : k + shape[2]] for i, j, k in np.ndindex(2, 2, 2)
     ]
     centre = np.mean(corners, axis=0)
-    zone = _zone_of(rock, centre, ~perimeter, place)
+    zone = _zone_of(rock, centre, ~perimeter, location)
     left_out = (zone < 0) & ~perimeter
     if left_out.any():
         x, y, z = centre[left_out][0]
         raise ConfigError(
-            f"{place}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are in no "
+            f"{location}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are "
+            "in no "
             f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes "
             "the rest"
         )
     return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
 
 
-def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, place: str) -> Ints:
+def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str) -> Ints:
     """Number of the zone of every cell, -1 for none: the one with limits along most axes, in whatever order.
 
     Raises
@@ -228,7 +230,7 @@ def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, place: str) ->
         for zones that cover nothing, and for two with as many limits that cover one cell.
     """
     names, zone = list(rock.zones), np.full(centre.shape[:-1], -1)
-    limits = [sum(given is not None for given in (z.x, z.y, z.z)) for z in rock.zones.values()]
+    limits = [sum(limit is not None for limit in (z.x, z.y, z.z)) for z in rock.zones.values()]
     for k in sorted(range(len(names)), key=lambda k: -limits[k]):
         inside = _inside(rock.zones[names[k]], centre) & rock_cells
         both = inside & np.isin(zone, [j for j in range(len(names)) if j != k and limits[j] == limits[k]])
@@ -236,26 +238,26 @@ def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, place: str) ->
             x, y, z = centre[both][0]
             other = names[int(zone[both][0])]
             raise ConfigError(
-                f"{place}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
+                f"{location}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
                 f"{z:.4g}), are in "
                 f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), "
                 "limit one zone; let their ranges meet, or give the smaller one a range along a further axis"
             )
-        own = inside & (zone < 0)
-        if not own.any():
+        covered = inside & (zone < 0)
+        if not covered.any():
             raise ConfigError(
-                f"{place}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
+                f"{location}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
                 "cells of "
                 "rock has its centre in it (or zones with limits along more axes took them); widen it, or "
                 "remove it"
             )
-        zone[own] = k
+        zone[covered] = k
     return zone
 
 
 def _inside(limits: ZoneConfig, centre: Floats) -> Bools:
     inside = np.ones(centre.shape[:-1], dtype=bool)
-    for k, given in enumerate((limits.x, limits.y, limits.z)):
-        if given is not None:
-            inside &= (centre[..., k] >= given[0]) & (centre[..., k] < given[1])
+    for k, limit in enumerate((limits.x, limits.y, limits.z)):
+        if limit is not None:
+            inside &= (centre[..., k] >= limit[0]) & (centre[..., k] < limit[1])
     return inside

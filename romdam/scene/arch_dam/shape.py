@@ -21,7 +21,7 @@ _SAMPLES = 41  # elevations at which the shape is checked
 Curve = Callable[[Floats], Floats]
 
 
-def curve(profile: Profile, place: str) -> Curve:
+def curve(profile: Profile, location: str) -> Curve:
     """A profile as a function of the elevation; points are joined without overshoot (monotone cubic).
 
     Raises
@@ -36,7 +36,9 @@ def curve(profile: Profile, place: str) -> Curve:
     down = np.flatnonzero(np.diff(points[:, 0]) <= 0.0)
     if len(down):
         a, b = points[down[0] : down[0] + 2, 0]
-        raise ConfigError(f"{place}: elevations must ascend, got {a:g} m then {b:g} m; put the lowest first")
+        raise ConfigError(
+            f"{location}: elevations must ascend, got {a:g} m then {b:g} m; put the lowest first"
+        )
     if len(points) == 1:
         return lambda z: np.full(np.shape(z), points[0, 1])
     from scipy.interpolate import PchipInterpolator  # here: half a second that scenes of boxes do not need
@@ -52,7 +54,7 @@ class ArchShape:
     Parameters
     ----------
     config : the dam
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -61,16 +63,16 @@ class ArchShape:
         arcs reach, and joint planes that meet within the dam.
     """
 
-    def __init__(self, config: ArchDamConfig, place: str) -> None:
-        self.config, self.place = config, place
-        self.upstream = curve(config.crown.upstream, f"{place}.crown.upstream")
-        self.thickness = curve(config.crown.thickness, f"{place}.crown.thickness")
-        self.radius = curve(config.arcs.upstream_radius, f"{place}.arcs.upstream_radius")
+    def __init__(self, config: ArchDamConfig, location: str) -> None:
+        self.config, self.location = config, location
+        self.upstream = curve(config.crown.upstream, f"{location}.crown.upstream")
+        self.thickness = curve(config.crown.thickness, f"{location}.crown.thickness")
+        self.radius = curve(config.arcs.upstream_radius, f"{location}.arcs.upstream_radius")
         inner = config.arcs.downstream_radius
         self.inner: Curve = (
             (lambda z: self.radius(z) - self.thickness(z))
             if inner is None
-            else curve(inner, f"{place}.arcs.downstream_radius")
+            else curve(inner, f"{location}.arcs.downstream_radius")
         )
         self.end = _STEEPEST  # until it is known
         self.valley = self._valley()
@@ -117,13 +119,14 @@ class ArchShape:
     def _valley(self) -> Curve:
         config = self.config
         points = np.array(config.valley)
-        curve(config.valley, f"{self.place}.valley")
+        curve(config.valley, f"{self.location}.valley")
         narrower = np.flatnonzero(np.diff(points[:, 1]) < 0.0)
         if len(narrower) or points[0, 1] <= 0.0:
             at = narrower[0] if len(narrower) else 0
-            shown = ", ".join(f"{w:g} m at {z:g} m" for z, w in points[at : at + 2])
+            widths = ", ".join(f"{w:g} m at {z:g} m" for z, w in points[at : at + 2])
             raise ConfigError(
-                f"{self.place}.valley: the half-width must be above 0 and not shrink upwards, got {shown}; "
+                f"{self.location}.valley: the half-width must be above 0 and not shrink upwards, got "
+                f"{widths}; "
                 "give [elevation, half-width] from the floor up"
             )
         top = config.crest - config.abutment_height
@@ -131,16 +134,16 @@ class ArchShape:
 
     def _refuse_bad_profiles(self) -> None:
         z = np.linspace(self.config.base, self.config.crest, _SAMPLES)
-        shown = {
+        stated = {
             "crown.thickness": self.thickness(z),
             "arcs.upstream_radius": self.radius(z),
             "arcs.downstream_radius": self.inner(z),
         }
-        for key, values in shown.items():
+        for key, values in stated.items():
             k = int(np.argmin(values))
             if values[k] <= 0.0:
                 raise ConfigError(
-                    f"{self.place}.{key}: must be above 0 from base to crest, got {values[k]:.4g} m at "
+                    f"{self.location}.{key}: must be above 0 from base to crest, got {values[k]:.4g} m at "
                     f"elevation {z[k]:.4g} m; correct the profile there"
                 )
 
@@ -158,7 +161,8 @@ class ArchShape:
         beyond = np.flatnonzero(reach >= half)
         if not len(beyond):
             raise ConfigError(
-                f"{self.place}.valley: its walls cut the arcs: at elevation {float(z):g} m the half-width is "
+                f"{self.location}.valley: its walls cut the arcs: at elevation {float(z):g} m the "
+                "half-width is "
                 f"{half:.4g} m, but the arc (upstream radius {float(self.radius(z)):.4g} m) "
                 f"reaches {np.nanmax(reach):.4g} m only; narrow the valley or enlarge the radius"
             )
@@ -181,7 +185,7 @@ class ArchShape:
             return base
         if np.isnan(room).any() or room[-1] < 0.0:
             raise ConfigError(
-                f"{self.place}.valley: its walls cut the arcs {np.degrees(theta):.4g} degrees from the "
+                f"{self.location}.valley: its walls cut the arcs {np.degrees(theta):.4g} degrees from the "
                 f"crown: the arc does not reach the wall below elevation {top:g} m; widen the radii "
                 "towards the base"
             )
@@ -199,7 +203,7 @@ class ArchShape:
         at = np.unravel_index(int(np.argmin(np.where(np.isnan(inner), -np.inf, inner))), inner.shape)
         if not inner[at] > 0.0:
             raise ConfigError(
-                f"{self.place}.arcs: the joints would cross within the dam: their planes meet in the axis "
+                f"{self.location}.arcs: the joints would cross within the dam: their planes meet in the axis "
                 f"y = {self.axis:.4g} m, and the downstream face lies {-inner[at]:.4g} m beyond it at "
                 f"elevation {z[at]:.4g} m, {np.degrees(theta[at[0]]):.3g} degrees from the crown, limit 0; "
                 "enlarge the radii or reduce the thickness"

@@ -18,7 +18,7 @@ _FACETS = [set(facet) for facet in ELEMENTS["hex8"].facets]
 _FACET_OF = [[_FACETS.index(set(family[:, side].tolist())) for side in (0, 1)] for family in _FAMILIES]
 
 
-def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, place: str) -> Mesh:
+def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, location: str) -> Mesh:
     """Cut every hexahedron that the surface crosses, and note the sides.
 
     Parameters
@@ -36,7 +36,7 @@ def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, place: str) -> Me
     across = sign[cells][:, _FAMILIES]
     across = across[..., 0] * across[..., 1] < 0.0  # (n, 3 families, 4 edges)
     family = np.argmax(across.sum(axis=2), axis=1)
-    _refuse_others(mesh, cells, across, family, place)
+    _refuse_others(mesh, cells, across, family, location)
     ends = np.take_along_axis(mesh.cells[cells], _FAMILIES[family].reshape(-1, 8), 1).reshape(-1, 4, 2)
     points, new = _new_nodes(mesh, ends, surface)
     halves, origins = [], []
@@ -48,7 +48,7 @@ def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, place: str) -> Me
         halves.append(half)
         origins.append(origin)
     parent = np.concatenate([np.flatnonzero(~crossing), cells, cells])
-    made = Mesh(
+    cut = Mesh(
         mesh.element,
         points,
         np.concatenate([mesh.cells[~crossing], *halves]),
@@ -56,7 +56,7 @@ def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, place: str) -> Me
         mesh.sides[parent],
     )
     level = np.concatenate([level, np.zeros(len(points) - len(level))])
-    return made.with_side(np.where(level[made.cells].sum(axis=1) < 0.0, -1, 1))
+    return cut.with_side(np.where(level[cut.cells].sum(axis=1) < 0.0, -1, 1))
 
 
 def _new_nodes(mesh: Mesh, ends: Ints, surface: Surface) -> tuple[Floats, Ints]:
@@ -70,16 +70,18 @@ def _new_nodes(mesh: Mesh, ends: Ints, surface: Surface) -> tuple[Floats, Ints]:
     return np.vstack([mesh.points, at]), count + inverse.reshape(-1, 4)
 
 
-def _refuse_others(mesh: Mesh, cells: Ints, across: Bools, family: Ints, place: str) -> None:
+def _refuse_others(mesh: Mesh, cells: Ints, across: Bools, family: Ints, location: str) -> None:
     counts = across.sum(axis=(1, 2))
-    one = across[np.arange(len(cells)), family].all(axis=1) & (counts == 4)
-    if one.all():
+    quadrilateral = across[np.arange(len(cells)), family].all(axis=1) & (counts == 4)
+    if quadrilateral.all():
         return
-    worst = cells[np.argmin(one)]
+    worst = cells[np.argmin(quadrilateral)]
     at = ", ".join(f"{x:.6g}" for x in mesh.points[mesh.cells[worst]].mean(axis=0))
     raise MeshError(
-        f"{place}: the surface crosses {int(counts[np.argmin(one)])} edges of the hexahedron around ({at}) m "
-        f"({np.count_nonzero(~one)} of {len(cells)} are cut like this, limit 0); hexahedra are cut in two "
+        f"{location}: the surface crosses {int(counts[np.argmin(quadrilateral)])} edges of the hexahedron "
+        f"around ({at}) m "
+        f"({np.count_nonzero(~quadrilateral)} of {len(cells)} are cut like this, limit 0); hexahedra are "
+        "cut in two "
         "only through four edges that run side by side; mesh the block with tetrahedra (tet10), or with "
         "element faces along the surface and `through: faces`"
     )

@@ -78,8 +78,8 @@ class Facets(NamedTuple):
         corners = ELEMENTS[table.facet].corners
         keys = row_numbers(np.sort(rows[:, :corners], axis=1))
         order = np.argsort(keys, kind="stable")
-        one = np.flatnonzero(np.diff(keys[order]) == 0)
-        pairs = np.stack([order[one], order[one + 1]], axis=1)
+        first = np.flatnonzero(np.diff(keys[order]) == 0)
+        pairs = np.stack([order[first], order[first + 1]], axis=1)
         alone = np.ones(len(rows), dtype=bool)
         alone[pairs] = False
         cell = np.repeat(np.arange(len(cells)), len(table.facets))

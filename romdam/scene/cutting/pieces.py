@@ -51,20 +51,20 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
         for surfaces that miss, end in the block, leave saw-toothed joints or slivers, and elements that
         cannot be cut in two.
     """
-    place = f"{source}: cut.{block.name}"
-    refuse_wedges(block, "are not cut", place)
+    location = f"{source}: cut.{block.name}"
+    refuse_wedges(block, "are not cut", location)
     steps = _steps(block.name, cuts, folder, source)
-    every = [step for own in steps.values() for step in own]
+    every = [step for block_steps in steps.values() for step in block_steps]
     mesh = whole = Mesh.of(block)
     for step in every:
         mesh = _parted(mesh, step)
     names, labels = _labels(block.name, cuts, steps, mesh)
     mesh = _with_smooth_joints(mesh, labels, every)
-    refuse_slivers(mesh, whole, [(step.surface, step.place) for step in every])
+    refuse_slivers(mesh, whole, [(step.surface, step.location) for step in every])
     pieces = {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
-    volume = sum(sound_volume(piece, place) for piece in pieces.values())
-    log.info("%s: volume changes by %.2g of itself", place, volume / sound_volume(block, place) - 1.0)
-    _say_parts(mesh, names, labels, place)
+    volume = sum(sound_volume(piece, location) for piece in pieces.values())
+    log.info("%s: volume changes by %.2g of itself", location, volume / sound_volume(block, location) - 1.0)
+    _say_parts(mesh, names, labels, location)
     return pieces
 
 
@@ -74,15 +74,15 @@ def _steps(name: str, cuts: Cuts, folder: Path, source: str) -> Steps:
         return {}
     cut, steps = cuts[name], []
     for k, config in enumerate(cut.along):
-        place = f"{source}: cut.{name}.along[{k}]"
-        steps.append(Step(_surface(config, folder, place), cut.through == "elements", cut.teeth, place))
-    made = {name: steps}
+        location = f"{source}: cut.{name}.along[{k}]"
+        steps.append(Step(_surface(config, folder, location), cut.through == "elements", cut.teeth, location))
+    steps_of = {name: steps}
     for piece in cut.into:
-        made |= _steps(piece, cuts, folder, source)
-    return made
+        steps_of |= _steps(piece, cuts, folder, source)
+    return steps_of
 
 
-def _surface(config: CutSurfaceConfig, folder: Path, place: str) -> Surface:
+def _surface(config: CutSurfaceConfig, folder: Path, location: str) -> Surface:
     if config.plane is not None:
         return Plane(np.array(config.plane.point), unit(np.array(config.plane.normal)))
     if config.cylinder is not None:
@@ -92,7 +92,7 @@ def _surface(config: CutSurfaceConfig, folder: Path, place: str) -> Surface:
     from romdam.scene.cutting.files import read_surface  # here, not above: it compiles
 
     scale = to_si(f"1 {config.surface.unit}", "m")
-    return read_surface(folder / config.surface.file, config.surface.group, scale, f"{place}.surface")
+    return read_surface(folder / config.surface.file, config.surface.group, scale, f"{location}.surface")
 
 
 def _parted(mesh: Mesh, step: Step) -> Mesh:
@@ -114,19 +114,21 @@ def _parted_hexahedra(mesh: Mesh, moved: Mesh, level: Floats, step: Step) -> Mes
     """Hexahedra cut in two, with nodes moved where no element is left to be cut then."""
     if mesh.element != "hex8":
         raise MeshError(
-            f"{step.place}: elements of the kind {mesh.element} are not cut in two, only tet4, tet10 and "
+            f"{step.location}: elements of the kind {mesh.element} are not cut in two, only tet4, tet10 and "
             "hex8; mesh with element faces along the surface and `through: faces`, or with tet10"
         )
     if (level[moved.cells].min(axis=1) * level[moved.cells].max(axis=1) < 0.0).any():
         level = step.surface.distance(mesh.points)  # a cell with some nodes on the surface would be a wedge
         moved, level = mesh, np.where(on_surface(level, mesh.points), 0.0, level)
     _say_moves(mesh, moved, step)
-    return cut_hexahedra(moved, level, step.surface, step.place)
+    return cut_hexahedra(moved, level, step.surface, step.location)
 
 
 def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str], Ints]:
     """Names of the blocks, and which of them every cell is of (nc,)."""
-    first = dict(zip(steps, np.cumsum([0, *(len(own) for own in steps.values())])[:-1], strict=True))
+    first = dict(
+        zip(steps, np.cumsum([0, *(len(block_steps) for block_steps in steps.values())])[:-1], strict=True)
+    )
     names: list[str] = []
     labels = np.full(len(mesh.cells), -1)
 
@@ -153,7 +155,7 @@ def _refuse_miss(mesh: Mesh, among: Bools, below: Bools, step: Step, names: tupl
     distance = step.surface.distance(mesh.points[np.unique(mesh.corners[among])])
     empty = f"block {names[0]!r} gets no element" if not below.any() else "no element is left for the others"
     raise MeshError(
-        f"{step.place}: the surface misses what is to become {', '.join(names)}: {empty}; its nodes are "
+        f"{step.location}: the surface misses what is to become {', '.join(names)}: {empty}; its nodes are "
         f"{distance.min():.4g} to {distance.max():.4g} m from the surface (above 0 on its positive side), "
         f"elements have edges of about {_mean_edge(mesh):.3g} m; move the surface, turn its normal, or "
         "change the order of `into`"
@@ -186,11 +188,11 @@ def _say_moves(before: Mesh, after: Mesh, step: Step) -> None:
     if far.any():
         log.info(
             "%s: %d of %d nodes moved onto the surface, or with those, by up to %.3g m",
-            step.place, np.count_nonzero(far), len(far), far.max(),
+            step.location, np.count_nonzero(far), len(far), far.max(),
         )  # fmt: skip
 
 
-def _say_parts(mesh: Mesh, names: list[str], labels: Ints, place: str) -> None:
+def _say_parts(mesh: Mesh, names: list[str], labels: Ints, location: str) -> None:
     """Log which blocks are in parts that share no face: a surface may cross the block more than once."""
     facets, size = Facets.of(mesh.element, mesh.cells), len(labels)
     a, b = facets.cell[facets.pairs].T
@@ -201,16 +203,16 @@ def _say_parts(mesh: Mesh, names: list[str], labels: Ints, place: str) -> None:
         if (count := len(np.unique(component[labels == k]))) > 1:
             log.warning(
                 "%s: block %r is in %d parts that share no face; cut them apart, or check the surfaces",
-                place, name, count,
+                location, name, count,
             )  # fmt: skip
 
 
-def _piece(name: str, block: Block, mesh: Mesh, own: Bools) -> Block:
+def _piece(name: str, block: Block, mesh: Mesh, chosen: Bools) -> Block:
     """The cells of one block, with its own nodes and what it has of the named faces."""
-    used, cells = np.unique(mesh.cells[own], return_inverse=True)
+    used, cells = np.unique(mesh.cells[chosen], return_inverse=True)
     cells = cells.reshape(-1, mesh.cells.shape[1])
     rows = Facets.of(block.element, cells).rows
-    origin, faces = mesh.origin[own].ravel(), {}
+    origin, faces = mesh.origin[chosen].ravel(), {}
     for label, numbers in _face_numbers(block).items():
         facets = rows[np.isin(origin, numbers)]
         if len(facets):

@@ -58,9 +58,11 @@ def refuse_slivers(mesh: Mesh, before: Mesh, places: list[tuple[Surface, str]]) 
     worst = thin[np.argmin(shape[thin])]
     centre = mesh.points[mesh.corners[worst]].mean(axis=0)
     at = ", ".join(f"{x:.6g}" for x in centre)
-    place = min(places, key=lambda one: abs(float(one[0].distance(centre[None])[0])))[1]
+    location = min(places, key=lambda surface_place: abs(float(surface_place[0].distance(centre[None])[0])))[
+        1
+    ]
     raise MeshError(
-        f"{place}: the cut leaves {len(thin)} slivers: the worst, around ({at}) m, has a quality of "
+        f"{location}: the cut leaves {len(thin)} slivers: the worst, around ({at}) m, has a quality of "
         f"{shape[worst]:.3g}, limit {limit:.3g} (1 is a regular tetrahedron); move the "
         "surface away from the faces and edges that it nearly touches there, or onto them, or mesh finer"
     )

@@ -26,7 +26,7 @@ class Step(NamedTuple):
     surface: Surface
     through_elements: bool
     teeth: float
-    place: str
+    location: str
 
 
 def joint_facets(mesh: Mesh, facets: Facets, labels: Ints, steps: list[Step]) -> list[Ints]:
@@ -38,17 +38,17 @@ def joint_facets(mesh: Mesh, facets: Facets, labels: Ints, steps: list[Step]) ->
     ----------
     labels : (nc,) block of every cell
     """
-    one = facets.pairs[:, 0]
+    first_facet = facets.pairs[:, 0]
     a, b = facets.cell[facets.pairs].T
-    one, a, b = (each[labels[a] != labels[b]] for each in (one, a, b))
+    first_facet, a, b = (each[labels[a] != labels[b]] for each in (first_facet, a, b))
     parting = mesh.sides[a] != mesh.sides[b]
     away = np.full(parting.shape, np.inf)
     for k, step in enumerate(steps):
-        corners, _ = _corners(mesh, facets.rows[one[parting[:, k]]])
+        corners, _ = _corners(mesh, facets.rows[first_facet[parting[:, k]]])
         far = np.abs(step.surface.distance(corners.reshape(-1, 3))).reshape(corners.shape[:2])
         away[parting[:, k], k] = far.max(axis=1)
     owner = np.argmin(away, axis=1)
-    return [one[owner == k] for k in range(len(steps))]
+    return [first_facet[owner == k] for k in range(len(steps))]
 
 
 def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
@@ -77,7 +77,7 @@ def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
     angle = np.degrees(np.arccos(np.clip(cosine, 0.0, 1.0)))
     at = ", ".join(f"{x:.6g}" for x in samples[worst, np.argmax(off[worst])])
     raise MeshError(
-        f"{step.place}: the joint would be saw-toothed, and its teeth act as keys: "
+        f"{step.location}: the joint would be saw-toothed, and its teeth act as keys: "
         f"{np.count_nonzero(share > step.teeth)} of its {len(joint)} faces are off the surface by more than "
         f"{step.teeth:g} of their edges, the worst by {off[worst].max():.4g} m = {share[worst]:.3g} edges, "
         f"at ({at}) m; faces stand at up to {angle.max():.3g} degrees to it; "
@@ -98,7 +98,7 @@ def _refuse_rim(step: Step, samples: Floats, size: Floats) -> None:
         worst = int(np.argmax(share))
         at = ", ".join(f"{x:.6g}" for x in samples[worst, np.argmax(beyond[worst])])
         raise MeshError(
-            f"{step.place}: the surface ends within the block: the joint at ({at}) m lies "
+            f"{step.location}: the surface ends within the block: the joint at ({at}) m lies "
             f"{beyond[worst].max():.4g} m beyond its rim, limit {step.teeth:g} of an edge = "
             f"{step.teeth * size[worst]:.4g} m ({np.count_nonzero(share > step.teeth)} of {len(size)} faces)"
             "; make the surface reach through the block"

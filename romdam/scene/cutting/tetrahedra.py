@@ -56,7 +56,7 @@ def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
     pieces = _cut(_Pieces(mesh.corners[cells], unit, cells, mesh.origin[cells]), edges, level, len(points))
     corners = np.concatenate([mesh.corners[~crossing], pieces.corners])
     parent = np.concatenate([np.flatnonzero(~crossing), pieces.cell])
-    made = Mesh(
+    halves = Mesh(
         mesh.element,
         points,
         corners,
@@ -65,8 +65,8 @@ def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
     )
     side = np.where(level[corners].sum(axis=1) < 0.0, -1, 1)
     if ELEMENTS[mesh.element].quadratic:
-        made = _with_middles(made, mesh, pieces)
-    return _without_loose_nodes(made.with_side(side))
+        halves = _with_middles(halves, mesh, pieces)
+    return _without_loose_nodes(halves.with_side(side))
 
 
 def _crossing_edges(mesh: Mesh, cells: Ints, level: Floats, surface: Surface) -> tuple[_Edges, Floats]:
@@ -128,10 +128,10 @@ def _joined(parts: list[_Pieces]) -> _Pieces:
     return _Pieces(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
 
-def _with_middles(made: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
+def _with_middles(linear: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
     """Mid-edge nodes of all cells: of whole cells as they were, of pieces in their cell's shape."""
     element = ELEMENTS[before.element]
-    points, cells = with_middle_nodes(made.points, made.cells, element)
+    points, cells = with_middle_nodes(linear.points, linear.cells, element)
     whole = len(cells) - len(pieces.cell)
     middle = pieces.within[:, _EDGES].mean(axis=2)
     shape = element.shape(middle.reshape(-1, 4)[:, 1:]).reshape(len(middle), 6, len(element.nodes))
@@ -139,7 +139,7 @@ def _with_middles(made: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
     points[cells[whole:, 4:]] = at
     old = before.cells[np.setdiff1d(np.arange(len(before.cells)), pieces.cell)]
     points[cells[:whole, 4:]] = before.points[old[:, 4:]]
-    return Mesh(made.element, points, cells, made.origin, made.sides)
+    return Mesh(linear.element, points, cells, linear.origin, linear.sides)
 
 
 def _without_loose_nodes(mesh: Mesh) -> Mesh:

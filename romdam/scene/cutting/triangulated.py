@@ -46,8 +46,8 @@ class Triangulated:
     rim: Bools
 
     @classmethod
-    def of(cls, points: Floats, triangles: Ints, place: str) -> Self:
-        """Make a surface of triangles; `place` is file and key, for messages.
+    def of(cls, points: Floats, triangles: Ints, location: str) -> Self:
+        """Make a surface of triangles; `location` is file and key, for messages.
 
         Raises
         ------
@@ -57,16 +57,16 @@ class Triangulated:
         corner = points[triangles]
         cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         size = np.linalg.norm(cross, axis=1, keepdims=True)
-        _refuse(size[:, 0] <= 0.0, corner, "have no area; mesh the surface anew", place)
+        _refuse(size[:, 0] <= 0.0, corner, "have no area; mesh the surface anew", location)
         face = cross / size
         edges, owner = _edge_table(triangles), np.tile(np.arange(len(triangles)), 3)
         key = row_numbers(np.sort(edges, axis=1))
         _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
-        _refuse(_any_edge(count[inverse] > 2), corner, "share an edge with two others", place)
+        _refuse(_any_edge(count[inverse] > 2), corner, "share an edge with two others", location)
         way = np.zeros(len(count))
         np.add.at(way, inverse, np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0))
         twisted = (way != 0.0) & (count == 2)
-        _refuse(_any_edge(twisted[inverse]), corner, "run the other way round than a neighbour", place)
+        _refuse(_any_edge(twisted[inverse]), corner, "run the other way round than a neighbour", location)
         at_edge = np.zeros((len(count), 3))
         np.add.at(at_edge, inverse, face[owner])
         at_vertex = np.zeros_like(points)
@@ -126,11 +126,12 @@ def _angles(corner: Floats, k: int) -> Floats:
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), _dot(a, b))
 
 
-def _refuse(wrong: Bools, corner: Floats, what: str, place: str) -> None:
+def _refuse(wrong: Bools, corner: Floats, what: str, location: str) -> None:
     if wrong.any():
         at = ", ".join(f"{x:.6g}" for x in corner[np.argmax(wrong)].mean(axis=0))
         raise MeshError(
-            f"{place}: {np.count_nonzero(wrong)} of {len(wrong)} triangles {what} (the first around ({at}) m)"
+            f"{location}: {np.count_nonzero(wrong)} of {len(wrong)} triangles {what} (the first around "
+            f"({at}) m)"
             ", limit 0: a surface that cuts has two sides; export it anew"
         )
 

@@ -48,13 +48,13 @@ class _Lines:
         return int(np.abs(self.z - elevation).argmin())
 
 
-def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], place: str) -> Dam:
+def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], location: str) -> Dam:
     """Mesh a gravity dam.
 
     Parameters
     ----------
     materials : by name
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -63,7 +63,7 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], place:
     MeshError
         for elements turned inside out.
     """
-    lines = _lines(config, place)
+    lines = _lines(config, location)
     owner = _owner(config, lines)
     points, cells, tags = _elements(config, lines, owner)
     owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
@@ -72,15 +72,15 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], place:
     blocks, numbers = {}, {}
     for n, (name, material) in enumerate(_materials(config, materials).items()):
         numbers[name], local = np.unique(cells[owner == n], return_inverse=True)
-        own = local.reshape(-1, cells.shape[1]).astype(np.int64)
+        cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
         on = _faces(config, lines, name, tags[facets[n]], shared[n])
         faces = {
             face: np.searchsorted(numbers[name], facets[n][which])
             for face, which in on.items()
             if which.any()
         }
-        blocks[name] = Block(name, config.element, points[numbers[name]], own, material, faces)
-        refuse_bad_cells(blocks[name], place)
+        blocks[name] = Block(name, config.element, points[numbers[name]], cell_nodes, material, faces)
+        refuse_bad_cells(blocks[name], location)
     rock = frozenset(blocks) - set(config.monolith_names)
     settled = rock if config.rock and not config.rock.weight else frozenset()
     return Dam(blocks, _ties(config, numbers), _held(config, blocks), settled)
@@ -88,15 +88,15 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], place:
 
 def _materials(config: GravityDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
     """Material of every block."""
-    found = dict.fromkeys(config.block_names, materials[config.material])
+    names = dict.fromkeys(config.block_names, materials[config.material])
     if config.rock is not None:
         rock = materials[config.rock.material].with_mass(config.rock.mass)
-        found |= dict.fromkeys((name for name in found if name not in config.monolith_names), rock)
-    return found
+        names |= dict.fromkeys((name for name in names if name not in config.monolith_names), rock)
+    return names
 
 
-def _lines(config: GravityDamConfig, place: str) -> _Lines:
-    z = _rows(config, place)
+def _lines(config: GravityDamConfig, location: str) -> _Lines:
+    z = _rows(config, location)
     walls = np.array([config.walls(max(level, config.lowest)) for level in z])
     columns = _columns(config)
     shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in columns]
@@ -119,7 +119,7 @@ def _lines(config: GravityDamConfig, place: str) -> _Lines:
     return _Lines(x, whole, z, slices, (first, first + sum(columns)), gallery)
 
 
-def _rows(config: GravityDamConfig, place: str) -> Floats:
+def _rows(config: GravityDamConfig, location: str) -> Floats:
     """Elevations of the row lines."""
     divisions, height = config.divisions, config.crest - config.lowest
     d = divisions.refined
@@ -129,7 +129,7 @@ def _rows(config: GravityDamConfig, place: str) -> Floats:
         rows.append(np.linspace(a, b, count + 1)[1:])
     if config.rock is not None:
         for count in (d.depth, d.upstream, d.downstream, d.banks):
-            refuse_thin(count, d.growth, f"{place}.divisions")
+            refuse_thin(count, d.growth, f"{location}.divisions")
         rows.insert(0, config.lowest - config.rock.depth * graded(d.depth, d.growth)[:0:-1])
     return np.concatenate(rows)
 
@@ -196,7 +196,7 @@ def _shared(facets: list[Ints]) -> list[Bools]:
     """True for facets that two blocks have, block by block."""
     key = row_numbers(np.sort(np.vstack(facets), axis=1))
     _, number, count = np.unique(key, return_inverse=True, return_counts=True)
-    return np.split(count[number] > 1, np.cumsum([len(own) for own in facets])[:-1])
+    return np.split(count[number] > 1, np.cumsum([len(facets_of_block) for facets_of_block in facets])[:-1])
 
 
 def _faces(
@@ -212,7 +212,7 @@ def _faces(
         return _rock_faces(lines, (i, j, k), shared)
     low, high = k.min(), k.max()
     base = lines.row(config.bases[int(name.split("_")[1]) - 1])
-    found = {
+    faces = {
         "upstream": at(j, lines.dam[0]),
         "downstream": at(j, lines.dam[1]),
         "crest" if high == len(lines.z) - 1 else "top": at(k, high),
@@ -220,23 +220,23 @@ def _faces(
         "left": at(i, i.min()),
         "right": at(i, i.max()),
     }
-    return found | {"gallery": ~np.any(list(found.values()), axis=0)}
+    return faces | {"gallery": ~np.any(list(faces.values()), axis=0)}
 
 
 def _rock_faces(lines: _Lines, where: tuple[Floats, Floats, Floats], shared: Bools) -> dict[str, Bools]:
     i, j, k = where
     ends = {"base": (k, 0), "side_upstream": (j, 0), "side_downstream": (j, len(lines.y) - 1)}
     ends |= {"side_left": (i, 0), "side_right": (i, len(lines.x) - 1)}
-    found = {face: np.asarray((tag == line).all(axis=1)) for face, (tag, line) in ends.items()}
-    return found | {"surface": ~shared & ~np.any(list(found.values()), axis=0)}
+    faces = {face: np.asarray((tag == line).all(axis=1)) for face, (tag, line) in ends.items()}
+    return faces | {"surface": ~shared & ~np.any(list(faces.values()), axis=0)}
 
 
 def _ties(config: GravityDamConfig, numbers: dict[str, Ints]) -> tuple[Tie, ...]:
-    found = []
+    ties = []
     for I, J in config.tied_pairs:
         _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
-        found.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
-    return tuple(found)
+        ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
+    return tuple(ties)
 
 
 def _held(config: GravityDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:

@@ -36,23 +36,23 @@ def free_field(
         where the viscous faces are not vertical sides and one level bottom, and for rock that differs along
         a level of its sides.
     """
-    place = f"{source}: ground.input"
-    own = {name: blocks[name] for name in sorted(rock)}
-    for block in own.values():
-        refuse_wedges(block, "the rock of a free field is not made of", place)
-    bottom = _bottom(own, place)
-    sides = _sides(own)
-    ends = np.concatenate([_ends(own[name], facets) for name, facets in sides.items()])
+    location = f"{source}: ground.input"
+    rock_blocks = {name: blocks[name] for name in sorted(rock)}
+    for block in rock_blocks.values():
+        refuse_wedges(block, "the rock of a free field is not made of", location)
+    bottom = _bottom(rock_blocks, location)
+    sides = _sides(rock_blocks)
+    ends = np.concatenate([_ends(rock_blocks[name], facets) for name, facets in sides.items()])
     top = float(ends.max(initial=bottom)) if surface is None else surface
     if top - bottom <= 0.0:
         raise ConfigError(
-            f"{place}: the rock's surface, {top:g} m, must be above its bottom, {bottom:g} m; correct "
+            f"{location}: the rock's surface, {top:g} m, must be above its bottom, {bottom:g} m; correct "
             "`ground.surface`, or give the rock sides"
         )
-    levels = _levels(ends, top, bottom, place)
-    materials = _materials(own, sides, levels, place)
-    order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in own.values())
-    log.info("%s: free field of %d layers of elements, surface at %g m", place, len(materials), top)
+    levels = _levels(ends, top, bottom, location)
+    materials = _materials(rock_blocks, sides, levels, location)
+    order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in rock_blocks.values())
+    log.info("%s: free field of %d layers of elements, surface at %g m", location, len(materials), top)
     return FreeField(levels, materials, order, rock)
 
 
@@ -60,24 +60,24 @@ def _normals(block: Block, facets: Ints) -> Floats:
     return facet_normals(block.points, facets)[:, 2] if len(facets) else np.zeros(0)
 
 
-def _bottom(rock: Mapping[str, Block], place: str) -> float:
+def _bottom(rock: Mapping[str, Block], location: str) -> float:
     """Elevation of the viscous faces that are no sides [m]."""
-    found = []
+    faces = []
     for block in rock.values():
         for face in block.absorbing:
             up = _normals(block, face.facets)
-            found.append(block.points[face.facets[np.abs(up) > _VERTICAL], 2].ravel())
-    levels = np.concatenate(found)
+            faces.append(block.points[face.facets[np.abs(up) > _VERTICAL], 2].ravel())
+    levels = np.concatenate(faces)
     low, high = levels.min(initial=np.inf), levels.max(initial=-np.inf)
     lowest, highest = (float(f([f(b.points[:, 2]) for b in rock.values()])) for f in (np.min, np.max))
     if not len(levels):
         raise ConfigError(
-            f"{place}: free_field comes up through a viscous face at the bottom, and there is none (0 of "
+            f"{location}: free_field comes up through a viscous face at the bottom, and there is none (0 of "
             f"{sum(len(block.absorbing) for block in rock.values())} faces); name it in ground.viscous"
         )
     if max(high - lowest, high - low) > _SAME * (highest - lowest):
         raise ConfigError(
-            f"{place}: free_field takes viscous faces that are vertical, and one level bottom; those that "
+            f"{location}: free_field takes viscous faces that are vertical, and one level bottom; those that "
             f"are not vertical reach from {low:g} to {high:g} m, the rock's lowest point is {lowest:g} m; "
             "mesh a level bottom, or take ground.input: uniform"
         )
@@ -102,7 +102,7 @@ def _ends(block: Block, facets: Ints) -> Floats:
     return np.stack([z.min(axis=1), z.max(axis=1)], axis=1) if len(facets) else np.zeros((0, 2))
 
 
-def _levels(ends: Floats, top: float, bottom: float, place: str) -> Floats:
+def _levels(ends: Floats, top: float, bottom: float, location: str) -> Floats:
     """Ends of the column's elements from the top down, each as high as the sides' facets are there.
 
     Parameters
@@ -114,23 +114,25 @@ def _levels(ends: Floats, top: float, bottom: float, place: str) -> Floats:
     ConfigError
         where the sides leave a level out.
     """
-    found, just = [top], _SAME * (top - bottom)
-    while found[-1] > bottom:
-        here = ends[(ends[:, 0] < found[-1] - just) & (ends[:, 1] > found[-1] - just)]
+    levels_kept, just = [top], _SAME * (top - bottom)
+    while levels_kept[-1] > bottom:
+        here = ends[(ends[:, 0] < levels_kept[-1] - just) & (ends[:, 1] > levels_kept[-1] - just)]
         if not len(here):
             raise ConfigError(
-                f"{place}: free_field comes up along the rock's sides from {bottom:g} to {top:g} m, and they "
-                f"have no facets (0) below {found[-1]:.4g} m; correct `ground.surface`, or name all rock in "
+                f"{location}: free_field comes up along the rock's sides from {bottom:g} to {top:g} m, and "
+                "they "
+                f"have no facets (0) below {levels_kept[-1]:.4g} m; correct `ground.surface`, or name all "
+                "rock in "
                 "ground.rock"
             )
         height = float(np.diff(here, axis=1).mean())
-        left = found[-1] - height - bottom
-        found.append(bottom if left < 0.5 * height else bottom + left)
-    return np.array(found)
+        left = levels_kept[-1] - height - bottom
+        levels_kept.append(bottom if left < 0.5 * height else bottom + left)
+    return np.array(levels_kept)
 
 
 def _materials(
-    rock: Mapping[str, Block], sides: Mapping[str, Ints], levels: Floats, place: str
+    rock: Mapping[str, Block], sides: Mapping[str, Ints], levels: Floats, location: str
 ) -> tuple[Material, ...]:
     """The material of each layer.
 
@@ -150,7 +152,7 @@ def _materials(
         if len(here) != 1:
             what = f"of {' and of '.join(map(repr, here.values()))}" if here else "of no block"
             raise ConfigError(
-                f"{place}: free_field takes rock whose layers are level: between {levels[k]:.4g} and "
+                f"{location}: free_field takes rock whose layers are level: between {levels[k]:.4g} and "
                 f"{levels[k + 1]:.4g} m the sides are {what} ({len(here)} materials, limit 1); give the "
                 "sides one material at each level, or take ground.input: uniform"
             )

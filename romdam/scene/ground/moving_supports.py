@@ -35,7 +35,10 @@ def moving_supports(
     ConfigError
         where supports of different motions meet on a node.
     """
-    texts = ["" if one.motion is None else one.motion.model_dump_json() for one in supports]
+    texts = [
+        "" if support_config.motion is None else support_config.motion.model_dump_json()
+        for support_config in supports
+    ]
     first = {text: texts.index(text) for text in texts if text}
     if not first:
         return None
@@ -55,17 +58,17 @@ def moving_supports(
     return MovingSupports(tuple(_motion(k, supports[k].motion) for k in first.values()), components)
 
 
-def _refuse_meeting(entry: int, others: Ints, texts: Sequence[str], place: str) -> None:
+def _refuse_meeting(entry: int, others: Ints, texts: Sequence[str], location: str) -> None:
     """Raise where some nodes of an entry are held by others too that move otherwise."""
     differ = [k for k in others.tolist() if texts[k] != texts[entry]]
     if differ:
         raise ConfigError(
-            f"{place}[{entry}].motion: {len(differ)} of its nodes are held by supports[{differ[0]}] too, "
+            f"{location}[{entry}].motion: {len(differ)} of its nodes are held by supports[{differ[0]}] too, "
             "which moves otherwise, limit 0; give faces that do not meet, or one motion"
         )
 
 
-def _motion(entry: int, given: SupportMotionConfig | None) -> SupportMotion:
+def _motion(entry: int, config: SupportMotionConfig | None) -> SupportMotion:
     """A motion without its record, which is read where records are."""
-    assert given is not None
-    return SupportMotion(entry, given.delay, given.factor)
+    assert config is not None
+    return SupportMotion(entry, config.delay, config.factor)

@@ -20,9 +20,9 @@ log = logging.getLogger(__name__)
 _NONE = 1e-6  # of a block's size: a distance that is none
 
 
-def rock_of(ground: GroundConfig, made: Sequence[ViscousConfig]) -> frozenset[str]:
+def rock_of(ground: GroundConfig, generated: Sequence[ViscousConfig]) -> frozenset[str]:
     """Names of the blocks of rock: those with viscous faces, and those named besides."""
-    return frozenset([*(one.block for one in (*made, *ground.viscous)), *ground.rock])
+    return frozenset([*(face.block for face in (*generated, *ground.viscous)), *ground.rock])
 
 
 def with_viscous_faces(
@@ -36,21 +36,21 @@ def with_viscous_faces(
         for faces that a block has not, and blocks without mass.
     """
     foot = _foot(blocks, rock)
-    found, seen = dict(blocks), dict[tuple[str, tuple[int, ...]], str]()
-    for k, one in enumerate(faces):
-        place, block = f"{source}: ground.viscous[{k}]", found[one.block]
+    with_faces, seen = dict(blocks), dict[tuple[str, tuple[int, ...]], str]()
+    for k, viscous in enumerate(faces):
+        location, block = f"{source}: ground.viscous[{k}]", with_faces[viscous.block]
         if block.material.rho == 0.0:
             raise ConfigError(
-                f"{place}.block: block {one.block!r} has no mass to carry waves (0 kg/m3); leave out "
+                f"{location}.block: block {viscous.block!r} has no mass to carry waves (0 kg/m3); leave out "
                 "`mass: false`, or hold the face by a support"
             )
-        for i, face in enumerate(one.faces):
-            facets = select_facets(block, face, f"{place}.faces[{i}]")
-            refuse_selected_twice(seen, one.block, facets, f"{place}.faces[{i}]")
-            away = one.distance or _distance(block.points, facets, foot, f"{place}.faces[{i}]")
+        for i, face in enumerate(viscous.faces):
+            facets = select_facets(block, face, f"{location}.faces[{i}]")
+            refuse_selected_twice(seen, viscous.block, facets, f"{location}.faces[{i}]")
+            away = viscous.distance or _distance(block.points, facets, foot, f"{location}.faces[{i}]")
             block = replace(block, absorbing=(*block.absorbing, Absorbing(facets, away)))
-        found[one.block] = block
-    return found
+        with_faces[viscous.block] = block
+    return with_faces
 
 
 def _foot(blocks: Mapping[str, Block], rock: frozenset[str]) -> Floats:
@@ -61,7 +61,7 @@ def _foot(blocks: Mapping[str, Block], rock: frozenset[str]) -> Floats:
     return np.append((low + high)[:2] / 2.0, low[2] if standing else high[2])
 
 
-def _distance(points: Floats, facets: Ints, foot: Floats, place: str) -> float:
+def _distance(points: Floats, facets: Ints, foot: Floats, location: str) -> float:
     """Mean distance of a face's planes from the foot [m].
 
     Raises
@@ -74,8 +74,8 @@ def _distance(points: Floats, facets: Ints, foot: Floats, place: str) -> float:
     away = float((vectors * (points[facets] - foot)).sum() / area)
     if away <= _NONE * float(np.ptp(points, axis=0).max()):
         raise ConfigError(
-            f"{place}: its springs follow from its distance from the dam's foot, which is {away:.4g} m, "
+            f"{location}: its springs follow from its distance from the dam's foot, which is {away:.4g} m, "
             "limit above 0; give `distance`"
         )
-    log.info("%s: %.4g m from the dam's foot, which its springs follow from", place, away)
+    log.info("%s: %.4g m from the dam's foot, which its springs follow from", location, away)
     return away

@@ -24,14 +24,14 @@ _LEAST = 0.1  # of the direction that must lie in the joint's plane
 
 
 def with_water(
-    joint: Joint, water: JointWaterConfig, blocks: Mapping[str, Block], gravity: float, place: str
+    joint: Joint, water: JointWaterConfig, blocks: Mapping[str, Block], gravity: float, location: str
 ) -> Joint:
     """The joint with the force of the water on every gap.
 
     Parameters
     ----------
     gravity : [m/s2]
-    place : of the entry in the configuration, for messages
+    location : of the entry in the configuration, for messages
 
     Raises
     ------
@@ -43,13 +43,14 @@ def with_water(
     bottom = float(points[np.concatenate([f.ravel() for f in joint.face.facets]), 2].min())
     if water.level <= bottom:
         raise ConfigError(
-            f"{place}.level: the water is not above the foot of joint {joint.name!r}: {water.level:g} m, and "
+            f"{location}.level: the water is not above the foot of joint {joint.name!r}: {water.level:g} "
+            "m, and "
             f"it begins at {bottom:g} m; raise it, or leave the joint out"
         )
-    outline = _outline(joint, water, points, place) if water.downstream is not None else None
+    outline = _outline(joint, water, points, location) if water.downstream is not None else None
     diagram = Diagram(water, water.density * gravity, outline)
     if outline is not None:
-        _refuse_outside(joint, water, outline, points, place)
+        _refuse_outside(joint, water, outline, points, location)
     pressure = mean_pressure(points, joint.face, diagram)[joint.corner]
     wet = replace(joint, water=pressure * joint.area)
     if water.crack == "full":
@@ -58,7 +59,7 @@ def with_water(
     force = ", ".join(f"{f / 1e6:.6g}" for f in wet.water_resultant)
     _log.info(
         "%s: joint %s: up to %.4g kPa; on %s: (%s) MN",
-        place, joint.name, pressure.max() / 1e3, joint.blocks[1], force,
+        location, joint.name, pressure.max() / 1e3, joint.blocks[1], force,
     )  # fmt: skip
     return wet
 
@@ -67,21 +68,21 @@ def _entering(excess: Floats) -> LawRows:
     return LawRows(source_of(CrackWater), excess[:, None], excess > 0.0, shear=False)
 
 
-def _outline(joint: Joint, water: JointWaterConfig, points: Floats, place: str) -> Outline:
+def _outline(joint: Joint, water: JointWaterConfig, points: Floats, location: str) -> Outline:
     assert joint.face is not None and water.downstream is not None
     downstream = np.array(water.downstream) / np.linalg.norm(water.downstream)
     across = np.cross(joint.axes[:, 0].mean(axis=0), downstream)
     size = float(np.linalg.norm(across))
     if size < _LEAST:
         raise ConfigError(
-            f"{place}.downstream: {list(water.downstream)} is normal to joint {joint.name!r} (sine "
+            f"{location}.downstream: {list(water.downstream)} is normal to joint {joint.name!r} (sine "
             f"{size:.2g}, limit {_LEAST:g}); give the direction from its heel to its toe"
         )
     return Outline.of(points, joint.face, downstream, across / size)
 
 
 def _refuse_outside(
-    joint: Joint, water: JointWaterConfig, outline: Outline, points: Floats, place: str
+    joint: Joint, water: JointWaterConfig, outline: Outline, points: Floats, location: str
 ) -> None:
     key, at = ("waterstop", water.waterstop) if water.drains is None else ("drains.at", water.drains.at)
     if at is None:
@@ -92,7 +93,7 @@ def _refuse_outside(
     if at >= length:
         where = ", ".join(f"{x:.6g}" for x in points[joint.corner[shortest]])
         raise ConfigError(
-            f"{place}.{key}: {at:g} m from the heel is outside joint "
+            f"{location}.{key}: {at:g} m from the heel is outside joint "
             f"{joint.name!r}, which is {length:.6g} m long on the line through ({where}); lower it, or give "
             "the joint an entry of its own"
         )

@@ -33,8 +33,8 @@ def mean_pressure(points: Floats, face: JointFace, diagram: Diagram) -> Floats:
         at = np.einsum("qa,fak->fqk", shape, points[facets[~cut]])
         p = diagram.pressure(at.reshape(-1, 3)).reshape(at.shape[:2])
         np.add.at(force, facets[~cut], (p * dA[~cut]) @ shape)
-        for one in facets[cut]:
-            force[one] += _cut_force(points[one], element, diagram)
+        for facet in facets[cut]:
+            force[facet] += _cut_force(points[facet], element, diagram)
     with np.errstate(invalid="ignore"):
         return np.asarray(force / area)
 
@@ -45,7 +45,9 @@ def _cut_force(corners: Floats, element: Element, diagram: Diagram) -> Floats:
     fan = [corners[[0, k, k + 1]] for k in range(1, len(corners) - 1)]
     for k in range(diagram.kinks(corners).shape[1]):
         values = diagram.kinks(np.concatenate(fan))[:, k].reshape(-1, 3)
-        fan = [one for piece, value in zip(fan, values, strict=True) for one in _split(piece, value)]
+        fan = [
+            triangle for piece, value in zip(fan, values, strict=True) for triangle in _split(piece, value)
+        ]
     pieces = np.array(fan)
     sides = pieces[:, 1:] - pieces[:, :1]
     at = (pieces[:, :1] + xi @ sides).reshape(-1, 3)

@@ -29,7 +29,7 @@ def with_matrices(
     config: MatricesConfig,
     folder: Path,
     mesh: Numbered | None,
-    place: str,
+    location: str,
     *,
     supported: bool = False,
 ) -> Block:
@@ -39,7 +39,7 @@ def with_matrices(
     ----------
     folder : where relative paths start
     mesh : numbers and positions of the nodes in the block's mesh file, where it has one
-    place : file and key, for messages
+    location : file and key, for messages
     supported : `supports` of the configuration name this block
 
     Raises
@@ -48,29 +48,33 @@ def with_matrices(
         where a file cannot be read, they do not fit each other, no elastic body has them, or none of their
         nodes is one of the mesh.
     """
-    own = read_matrices(config, folder, mesh, place)
-    points, dof = _numbered(block, own.unknowns, config.tolerance, place)
+    file_matrices = read_matrices(config, folder, mesh, location)
+    points, dof = _numbered(block, file_matrices.unknowns, config.tolerance, location)
     checked = check_matrices(
-        own, place, config.total_mass, block, supported=supported or own.inertia is not None
+        file_matrices,
+        location,
+        config.total_mass,
+        block,
+        supported=supported or file_matrices.inertia is not None,
     )
     motion = np.full(3 * len(points), -1)
-    motion[dof] = own.unknowns.motion
-    matrices = _over_nodes(own, dof, motion.reshape(-1, 3), checked)
+    motion[dof] = file_matrices.unknowns.motion
+    matrices = _over_nodes(file_matrices, dof, motion.reshape(-1, 3), checked)
     lacking = matrices.absent[: len(block.points)].sum(axis=1)
     log.info(
         "%s: %d unknowns, in %s; of %d nodes of the mesh %d have all three displacements and %d none, which "
         "do not move in files and pictures",
-        place, len(dof), config.units, len(lacking), (lacking == 0).sum(), (lacking == 3).sum(),
+        location, len(dof), config.units, len(lacking), (lacking == 0).sum(), (lacking == 3).sum(),
     )  # fmt: skip
     return replace(block, points=points, matrices=matrices)
 
 
-def _numbered(block: Block, unknowns: Unknowns, tolerance: float, place: str) -> tuple[Floats, Ints]:
+def _numbered(block: Block, unknowns: Unknowns, tolerance: float, location: str) -> tuple[Floats, Ints]:
     """All nodes (n, 3), the mesh's first, and the DOF of every unknown."""
     shifted = unknowns.motion < 3
     numbers, first = np.unique(unknowns.node[shifted], return_index=True)
     position = unknowns.position[shifted][first]
-    node = _mesh_nodes(block, numbers, position, tolerance, place)
+    node = _mesh_nodes(block, numbers, position, tolerance, location)
     further = np.flatnonzero(node < 0)
     node[further] = len(block.points) + np.arange(len(further))
     others = np.flatnonzero(~shifted)
@@ -82,7 +86,7 @@ def _numbered(block: Block, unknowns: Unknowns, tolerance: float, place: str) ->
     return np.concatenate([block.points, position[further], middle]), dof
 
 
-def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float, place: str) -> Ints:
+def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float, location: str) -> Ints:
     """The mesh's node that each node of the matrices is, -1 where it is none of them."""
     distance, node = tree(block.points).query(position)
     node = np.where(distance <= tolerance, node, -1).astype(np.int64)
@@ -90,7 +94,7 @@ def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float,
     if not len(same):
         spans = [_span(position), _span(block.points)]
         raise MeshError(
-            f"{place}: none of the {len(numbers)} nodes of its matrices ({spans[0]} m) is within "
+            f"{location}: none of the {len(numbers)} nodes of its matrices ({spans[0]} m) is within "
             f"{tolerance:g} m of one of the mesh ({spans[1]} m), the nearest is {distance.min():.3g} m off; "
             "correct `units`, the nodes, or `tolerance`"
         )
@@ -98,7 +102,7 @@ def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float,
     if len(twice):
         pair = ", ".join(map(str, numbers[node == twice[0]][:2]))
         raise MeshError(
-            f"{place}: {len(twice)} nodes of the mesh are two of the matrices' within {tolerance:g} m "
+            f"{location}: {len(twice)} nodes of the mesh are two of the matrices' within {tolerance:g} m "
             f"(nodes {pair} are the first), limit one; lower `tolerance`, or merge nodes"
         )
     return node
@@ -109,7 +113,7 @@ def _span(points: Floats) -> str:
     return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends)
 
 
-def _over_nodes(own: FileMatrices, dof: Ints, motion: Ints, checked: Checked) -> BlockMatrices:
+def _over_nodes(matrices: FileMatrices, dof: Ints, motion: Ints, checked: Checked) -> BlockMatrices:
     size = motion.size
 
     def spread(matrix: csr_matrix) -> csr_matrix:
@@ -117,14 +121,14 @@ def _over_nodes(own: FileMatrices, dof: Ints, motion: Ints, checked: Checked) ->
         return csr_matrix((entries.data, (dof[entries.row], dof[entries.col])), shape=(size, size))
 
     force, inertia, translations = np.zeros(size), None, np.zeros((size, 3))
-    force[dof] = own.force
+    force[dof] = matrices.force
     translations[dof] = checked.translations
-    if own.inertia is not None:
+    if matrices.inertia is not None:
         inertia = np.zeros((size, 3))
-        inertia[dof] = own.inertia
-    C = None if own.C is None else spread(own.C)
+        inertia[dof] = matrices.inertia
+    C = None if matrices.C is None else spread(matrices.C)
     return BlockMatrices(
-        spread(own.K), spread(own.M), motion, translations, C, inertia, force, checked.warnings
+        spread(matrices.K), spread(matrices.M), motion, translations, C, inertia, force, checked.warnings
     )
 
 
@@ -132,7 +136,8 @@ def held_by(blocks: dict[str, Block], fixed: dict[str, Bools]) -> dict[str, Bool
     """Components that supports hold, and those that are no unknowns of a block's matrices."""
     matrices = {name: blocks[name].matrices for name in fixed}
     return {
-        name: held if (own := matrices[name]) is None else held | own.absent for name, held in fixed.items()
+        name: held if (block_matrices := matrices[name]) is None else held | block_matrices.absent
+        for name, held in fixed.items()
     }
 
 

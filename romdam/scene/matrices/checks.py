@@ -55,7 +55,7 @@ class Checked:
 
 def check_matrices(
     matrices: FileMatrices,
-    place: str,
+    location: str,
     total: float | None = None,
     shape: Block | None = None,
     supported: bool = False,
@@ -68,7 +68,7 @@ def check_matrices(
 
     Parameters
     ----------
-    place : file and key, for messages
+    location : file and key, for messages
     total : mass that the block should have [kg], or None
     shape : the block's mesh and material, whose volume, density and modulus tell the order of magnitude
     supported : the configuration says that something is held: `supports` of this block, or `inertia`
@@ -77,15 +77,16 @@ def check_matrices(
     ------
     MeshError
     """
-    _refuse_empty(matrices, place)
-    _refuse_negative(matrices.M, "mass", place)
+    _refuse_empty(matrices, location)
+    _refuse_negative(matrices.M, "mass", location)
     if matrices.C is not None and matrices.C.diagonal().min() < 0.0:
         raise MeshError(
-            f"{place}.damping: {np.count_nonzero(matrices.C.diagonal() < 0.0)} of {len(matrices.unknowns)} "
+            f"{location}.damping: {np.count_nonzero(matrices.C.diagonal() < 0.0)} of "
+            f"{len(matrices.unknowns)} "
             f"entries on its diagonal are negative, down to {matrices.C.diagonal().min():.3g}, limit 0; it "
             "would feed energy in"
         )
-    _refuse_negative(matrices.K, "stiffness", place)
+    _refuse_negative(matrices.K, "stiffness", location)
     unknowns, warnings = matrices.unknowns, list[str]()
     both = _followed(matrices.K, unknowns, np.hstack([rigid_motions(unknowns), _strains(unknowns)]))
     motions, strained = both[:, :6], both[:, 6:]
@@ -93,27 +94,28 @@ def check_matrices(
     shifts = _strainless(matrices.K, motions[:, :3]) == (3, 3)
     if len(unknowns) > _LARGEST:
         warnings.append(
-            f"{place}: {len(unknowns)} unknowns, limit {_LARGEST} for a search of motions without strain; "
+            f"{location}: {len(unknowns)} unknowns, limit {_LARGEST} for a search of motions without strain; "
             "whether the unknowns are those of the matrix is not checked"
         )
     else:
-        _refuse_other_motions(matrices.K, unknowns, motions, (rigid, seen), place)
+        _refuse_other_motions(matrices.K, unknowns, motions, (rigid, seen), location)
     internal = (unknowns.motion == INTERNAL)[:, None]
     moved = motions[:, :3] if shifts else np.where(internal, 0.0, motions[:, :3])
     mass = np.einsum("ij,ij->j", moved, matrices.M @ moved)
     if matrices.inertia is None and mass.min() <= 0.0:
         raise MeshError(
-            f"{place}.mass: is {_listed(mass)} kg in all along x, y, z, limit above 0; the unknowns must "
+            f"{location}.mass: is {_listed(mass)} kg in all along x, y, z, limit above 0; the unknowns must "
             "name the displacements along all three"
         )
     if shifts:
-        warnings += _compare_with_body(matrices.M, motions if rigid == 6 else motions[:, :3], place)
+        warnings += _compare_with_body(matrices.M, motions if rigid == 6 else motions[:, :3], location)
     elif matrices.inertia is not None and len(unknowns) <= _LARGEST:  # of what moves in all modes together
         mass = np.einsum("ij,ij->j", matrices.inertia, Factor(matrices.M).solve(matrices.inertia))
-    log.info("%s: mass %s kg along x, y, z; %d rigid motions", place, _listed(mass), rigid)
+    log.info("%s: mass %s kg along x, y, z; %d rigid motions", location, _listed(mass), rigid)
     if rigid < seen:
         text = (
-            f"{place}.stiffness: resists {seen - rigid} of {seen} rigid motions of its unknowns: something "
+            f"{location}.stiffness: resists {seen - rigid} of {seen} rigid motions of its unknowns: "
+            "something "
             "holds the block inside its matrices"
         )
         if supported:
@@ -123,9 +125,9 @@ def check_matrices(
                 f"{text}, and neither `supports` of this block nor `inertia` say so; the inertia that hangs "
                 "on it is not known, and frames of the unknowns cannot be checked in these motions"
             )
-    _refuse_wrong_total(mass, total, shifts or not internal.any(), place)
+    _refuse_wrong_total(mass, total, shifts or not internal.any(), location)
     if shape is not None:
-        warnings += _compare_with_shape(matrices, shape, None if total else mass, strained, place)
+        warnings += _compare_with_shape(matrices, shape, None if total else mass, strained, location)
     return Checked(moved, tuple(warnings))
 
 
@@ -205,7 +207,7 @@ def _null_space(K: csr_matrix) -> Floats:
 
 
 def _refuse_other_motions(
-    K: csr_matrix, unknowns: Unknowns, motions: Floats, rigid: tuple[int, int], place: str
+    K: csr_matrix, unknowns: Unknowns, motions: Floats, rigid: tuple[int, int], location: str
 ) -> None:
     """Refuse motions without strain that are no rigid motions of the physical unknowns."""
     free = _null_space(K)
@@ -220,7 +222,7 @@ def _refuse_other_motions(
         """Displacement (n,), over the largest, by which they miss the rigid motions that fit some rows."""
         weighed = scale * motions[physical]
         fit = np.linalg.lstsq(weighed[rows], seen[rows], rcond=_UNSEEN)[0]
-        off, largest = ((np.abs(one / scale) * length) for one in (seen - weighed @ fit, seen))
+        off, largest = ((np.abs(values / scale) * length) for values in (seen - weighed @ fit, seen))
         return np.asarray((off / largest.max(axis=0)).max(axis=1))
 
     off = missed(np.ones(len(nodes), dtype=bool)) if seen.shape[1] else np.zeros(1)
@@ -232,14 +234,14 @@ def _refuse_other_motions(
             wrong = f"; all nodes but {node} move rigidly, whose rows may be in a local frame"
             break
     raise MeshError(
-        f"{place}.stiffness: {free.shape[1]} motions have no strain, and only {rigid[0]} of the six rigid "
+        f"{location}.stiffness: {free.shape[1]} motions have no strain, and only {rigid[0]} of the six rigid "
         "motions of its unknowns have none: the unknowns are not those of the matrix, rows are in a local "
         f"frame, coordinates are wrong, or parts hang loose, limit 0 other motions{wrong}; give the file "
         "that was written with the matrix, with all nodes in the axes of this job"
     )
 
 
-def _compare_with_body(M: csr_matrix, motions: Floats, place: str) -> list[str]:
+def _compare_with_body(M: csr_matrix, motions: Floats, location: str) -> list[str]:
     """Warn where the inertia in translations, or in all six rigid motions (n, 3 or 6), is no rigid body's.
 
     A body has one mass in all directions, a centre of mass, and moments of inertia of which none is larger
@@ -260,7 +262,7 @@ def _compare_with_body(M: csr_matrix, motions: Floats, place: str) -> list[str]:
         }
         off, what = max([(off, what), *((value, text) for text, value in further.items())])
     said = (
-        f"{place}.mass: its {_listed(inertia.diagonal()[:3])} kg along x, y, z {what}, by {off:.3g} of "
+        f"{location}.mass: its {_listed(inertia.diagonal()[:3])} kg along x, y, z {what}, by {off:.3g} of "
         "themselves; a free body's do not"
     )
     if off > _NO_BODY:
@@ -275,7 +277,7 @@ def _listed(mass: Floats) -> str:
     return ", ".join(f"{m:.4g}" for m in mass)
 
 
-def _refuse_empty(matrices: FileMatrices, place: str) -> None:
+def _refuse_empty(matrices: FileMatrices, location: str) -> None:
     condense = "condense unknowns without mass out of both, which changes nothing, or give them one"
     for key, matrix, remedy in (
         ("stiffness", matrices.K, "leave unknowns without stiffness out"),
@@ -284,26 +286,26 @@ def _refuse_empty(matrices: FileMatrices, place: str) -> None:
         bad = np.flatnonzero(matrix.diagonal() <= 0.0)
         if len(bad):
             raise MeshError(
-                f"{place}.{key}: {len(bad)} of {len(matrices.unknowns)} unknowns have none or less, limit "
+                f"{location}.{key}: {len(bad)} of {len(matrices.unknowns)} unknowns have none or less, limit "
                 f"above 0; the first is {matrices.unknowns.name(bad[0])} with "
                 f"{matrix.diagonal()[bad[0]]:.3g}; {remedy}"
             )
 
 
-def _refuse_wrong_total(mass: Floats, total: float | None, whole: bool, place: str) -> None:
+def _refuse_wrong_total(mass: Floats, total: float | None, whole: bool, location: str) -> None:
     """Refuse a mass that is not the stated one; what is held inside may have lost any share of it."""
     if total is None:
         return
     ratio = mass / total
     if ratio.max() > 1.0 + _MASS or ratio.min() < (1.0 - _MASS if whole else _WRONG_MASS[0]):
         raise MeshError(
-            f"{place}.mass: is {_listed(mass)} kg in all along x, y, z, and total_mass is {total:.4g} kg, "
+            f"{location}.mass: is {_listed(mass)} kg in all along x, y, z, and total_mass is {total:.4g} kg, "
             f"limit {_MASS:g} of it apart; is `units` right?"
         )
 
 
 def _compare_with_shape(
-    matrices: FileMatrices, shape: Block, mass: Floats | None, strained: Floats, place: str
+    matrices: FileMatrices, shape: Block, mass: Floats | None, strained: Floats, location: str
 ) -> list[str]:
     """Warnings where mass or stiffness are far from those of the shape; those of another unit are refused.
 
@@ -312,7 +314,7 @@ def _compare_with_shape(
     mass : along x, y, z (3,) [kg]; None where it is stated, and need not be that of the shape
     strained : (n, 6) the unknowns in unit uniform strains, the internal ones following [m]
     """
-    material, volume = shape.material, sound_volume(shape, place)
+    material, volume = shape.material, sound_volume(shape, location)
     radius = _arms(matrices.unknowns)[1]
     energy = float(np.einsum("ij,ij->j", strained, matrices.K @ strained).max())
     reference = material.E * min(volume, (2.0 * radius) ** 3)  # few unknowns strain what is near them alone
@@ -327,7 +329,7 @@ def _compare_with_shape(
         compared.append(("stiffness", energy / reference, text, remedy, _ODD_STIFFNESS, _WRONG_STIFFNESS))
     warnings = []
     for key, ratio, text, remedy, odd, wrong in compared:
-        said = f"{place}.{key}: {text.format(ratio=ratio)}"
+        said = f"{location}.{key}: {text.format(ratio=ratio)}"
         if not wrong[0] < ratio < wrong[1]:
             raise MeshError(
                 f"{said}, limits {wrong[0]:.2g} and {wrong[1]:g}; are tonnes, kN or mm meant? Correct "
@@ -338,20 +340,21 @@ def _compare_with_shape(
     return warnings
 
 
-def _refuse_negative(matrix: csr_matrix, key: str, place: str) -> None:
+def _refuse_negative(matrix: csr_matrix, key: str, location: str) -> None:
     """Refuse negative eigenvalues, where the matrix is not too large."""
     n = matrix.shape[0]
     if n > _LARGEST:
         log.warning(
             "%s.%s: %d unknowns, limit %d for a count of negative eigenvalues; not counted",
-            place, key, n, _LARGEST,
+            location, key, n, _LARGEST,
         )  # fmt: skip
         return
     scale = diags_array(1.0 / np.sqrt(matrix.diagonal()))
     negative = _negative(csr_matrix(scale @ matrix @ scale), _NEGATIVE)
     if negative:
         raise MeshError(
-            f"{place}.{key}: has {negative} negative eigenvalues of {n}, limit 0: no elastic body has such "
+            f"{location}.{key}: has {negative} negative eigenvalues of {n}, limit 0: no elastic body has "
+            "such "
             "a matrix; is it another one (geometric stiffness, damping), or one half of it?"
         )
 

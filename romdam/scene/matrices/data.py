@@ -65,7 +65,7 @@ class Unknowns:
         return f"node {self.node[k]}, {DIRECTIONS[self.motion[k]]}"
 
 
-def motion_of(number: Ints, place: str) -> Ints:
+def motion_of(number: Ints, location: str) -> Ints:
     """Motions of directions as finite-element programs number them: 1 to 6, and 0 for a scalar unknown.
 
     Raises
@@ -76,7 +76,7 @@ def motion_of(number: Ints, place: str) -> Ints:
     wrong = np.flatnonzero((number < 0) | (number > 6))
     if len(wrong):
         raise MeshError(
-            f"{place}: direction {number[wrong[0]]} of {len(wrong)} unknowns, expected 1 to 6 "
+            f"{location}: direction {number[wrong[0]]} of {len(wrong)} unknowns, expected 1 to 6 "
             "(displacements and rotations) or 0 (others); leave pressures and temperatures out of the "
             "matrices"
         )
@@ -88,7 +88,7 @@ def from_labels(labels: Ints) -> Unknowns:
     return Unknowns(labels[:, 0], labels[:, 1], np.full((len(labels), 3), np.nan))
 
 
-def sparse(entries: Entries, unknowns: Unknowns, first: int, place: str) -> csr_matrix:
+def sparse(entries: Entries, unknowns: Unknowns, first: int, location: str) -> csr_matrix:
     """The symmetric matrix of some entries over the unknowns.
 
     Parameters
@@ -100,41 +100,43 @@ def sparse(entries: Entries, unknowns: Unknowns, first: int, place: str) -> csr_
     MeshError
         for another size, entries that are no numbers or occur twice, and where it is not symmetric.
     """
-    row, column = _over(entries, unknowns, first, place)
+    row, column = _over(entries, unknowns, first, location)
     n = len(unknowns)
     bad = np.count_nonzero(~np.isfinite(entries.value))
     if bad:
         raise MeshError(
-            f"{place}: {bad} of {len(entries.value)} entries are no finite numbers; write it anew"
+            f"{location}: {bad} of {len(entries.value)} entries are no finite numbers; write it anew"
         )
     matrix = csr_matrix(coo_array((entries.value, (row, column)), shape=(n, n)))
     twice = len(row) - matrix.nnz
     if twice:
-        raise MeshError(f"{place}: {twice} of {len(row)} entries are given twice, limit 0; add them first")
+        raise MeshError(f"{location}: {twice} of {len(row)} entries are given twice, limit 0; add them first")
     above, below = (int(np.count_nonzero(side)) for side in (row < column, row > column))
     if bool(above) != bool(below):
-        log.info("%s: only one triangle is stored, %d entries; the other is the same", place, matrix.nnz)
+        log.info("%s: only one triangle is stored, %d entries; the other is the same", location, matrix.nnz)
         matrix = csr_matrix(matrix + matrix.T - diags_array(matrix.diagonal()))
-    return _symmetric(matrix, place)
+    return _symmetric(matrix, location)
 
 
-def _symmetric(matrix: csr_matrix, place: str) -> csr_matrix:
+def _symmetric(matrix: csr_matrix, location: str) -> csr_matrix:
     largest = abs(matrix).max() if matrix.nnz else 0.0
     if largest == 0.0:
-        raise MeshError(f"{place}: all of its {matrix.nnz} entries are zero; give the matrix of this block")
+        raise MeshError(
+            f"{location}: all of its {matrix.nnz} entries are zero; give the matrix of this block"
+        )
     off = float(abs(matrix - matrix.T).max() / largest)
     if off > _SYMMETRY:
         raise MeshError(
-            f"{place}: is not symmetric, entries across the diagonal differ by {off:.3g} of the largest, "
+            f"{location}: is not symmetric, entries across the diagonal differ by {off:.3g} of the largest, "
             f"limit {_SYMMETRY:g}; matrices of friction, flow or follower loads cannot be used"
         )
     return csr_matrix(0.5 * (matrix + matrix.T))
 
 
-def _over(entries: Entries, unknowns: Unknowns, first: int, place: str) -> tuple[Ints, Ints]:
+def _over(entries: Entries, unknowns: Unknowns, first: int, location: str) -> tuple[Ints, Ints]:
     """Rows and columns as numbers of the unknowns."""
     if entries.labels is not None:
-        return _by_label(entries, entries.labels, unknowns, place)
+        return _by_label(entries, entries.labels, unknowns, location)
     n, low, high = len(unknowns), 0 if entries.size is not None else first, entries.size
     both = np.concatenate([entries.row, entries.column])
     if high is None:
@@ -144,20 +146,20 @@ def _over(entries: Entries, unknowns: Unknowns, first: int, place: str) -> tuple
         fits = high == n
     if len(both) and (not fits or both.min() < low or both.max() >= low + high):
         raise MeshError(
-            f"{place}: its rows are {both.min()} to {both.max()} of {high}, and there are {n} unknowns, "
+            f"{location}: its rows are {both.min()} to {both.max()} of {high}, and there are {n} unknowns, "
             f"numbered from {low}; the file of unknowns must be that of this matrix"
         )
     return entries.row - low, entries.column - low
 
 
-def _by_label(entries: Entries, labels: Ints, unknowns: Unknowns, place: str) -> tuple[Ints, Ints]:
+def _by_label(entries: Entries, labels: Ints, unknowns: Unknowns, location: str) -> tuple[Ints, Ints]:
     number = {tuple(label): k for k, label in enumerate(unknowns.labels.tolist())}
-    own = np.array([number.get(tuple(label), -1) for label in labels.tolist()], dtype=np.int64)
-    lost = np.flatnonzero(own < 0)
+    index = np.array([number.get(tuple(label), -1) for label in labels.tolist()], dtype=np.int64)
+    lost = np.flatnonzero(index < 0)
     if len(lost):
         node, motion = labels[lost[0]]
         raise MeshError(
-            f"{place}: {len(lost)} of its {len(labels)} rows are none of the unknowns, the first is node "
+            f"{location}: {len(lost)} of its {len(labels)} rows are none of the unknowns, the first is node "
             f"{node}, {DIRECTIONS[motion]}; give matrices and unknowns of the same model"
         )
-    return own[entries.row], own[entries.column]
+    return index[entries.row], index[entries.column]

@@ -63,21 +63,21 @@ class FileMatrices:
     force: Floats
 
 
-def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, place: str) -> FileMatrices:
+def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, location: str) -> FileMatrices:
     """Read all files of a block.
 
     Parameters
     ----------
     folder : where relative paths start
     mesh : numbered nodes of the block's mesh file, where it has one
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
     MeshError, ResultError
         where a file cannot be read, or does not fit the others.
     """
-    reader = _Reader(config, folder, place)
+    reader = _Reader(config, folder, location)
     stiffness = reader.entries("stiffness")
     unknowns = reader.unknowns(stiffness, mesh)
     first = int(min(stiffness.row.min(initial=1), stiffness.column.min(initial=1)) > 0)
@@ -86,12 +86,12 @@ def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, p
     energy = mass * length**2 / time**2
 
     def matrix(key: str, entries: Entries, factor: float) -> csr_matrix:
-        own = sparse(entries, unknowns, first, reader.at(key))
-        return csr_matrix(own.multiply(unit[:, None]).multiply(energy * factor * unit[None, :]))
+        values = sparse(entries, unknowns, first, reader.at(key))
+        return csr_matrix(values.multiply(unit[:, None]).multiply(energy * factor * unit[None, :]))
 
     def vectors(key: str, width: int, factor: float) -> Floats | None:
-        own = reader.columns(key, (len(unknowns), width))
-        return None if own is None else np.asarray(energy * factor * unit[:, None] * own)
+        values = reader.columns(key, (len(unknowns), width))
+        return None if values is None else np.asarray(energy * factor * unit[:, None] * values)
 
     force = vectors("force", 1, 1.0)
     return FileMatrices(
@@ -110,11 +110,11 @@ class _Reader:
 
     config: MatricesConfig
     folder: Path
-    place: str
+    location: str
 
     def at(self, key: str) -> str:
         """A key and its file, for messages."""
-        return f"{self.place}.{key}: {self.path(key)}"
+        return f"{self.location}.{key}: {self.path(key)}"
 
     def path(self, key: str) -> Path:
         """The file of a key."""
@@ -130,59 +130,64 @@ class _Reader:
         if getattr(self.config, key) is None:
             return None
         self._opened(key, _MATRICES)
-        path, place = self.path(key), self.at(key)
+        path, location = self.path(key), self.at(key)
         hierarchical = path.suffix.lower() in (".h5", ".hdf5")
-        own = hdf5.read_columns(path, key, place) if hierarchical else text.read_columns(path, place)
-        if own.shape != shape or not np.isfinite(own).all():
+        columns = (
+            hdf5.read_columns(path, key, location) if hierarchical else text.read_columns(path, location)
+        )
+        if columns.shape != shape or not np.isfinite(columns).all():
             raise MeshError(
-                f"{place}: is {own.shape[0]} by {own.shape[1]}, expected {shape[0]} by {shape[1]} finite "
+                f"{location}: is {columns.shape[0]} by {columns.shape[1]}, expected {shape[0]} by "
+                f"{shape[1]} finite "
                 "numbers"
             )
-        return own
+        return columns
 
     def unknowns(self, stiffness: Entries, mesh: Numbered | None) -> Unknowns:
         """The unknowns, with their positions."""
         if self.config.unknowns is not None:
-            own, place = (
+            unknowns, location = (
                 self._opened("unknowns", _UNKNOWNS)(self.path("unknowns"), self.at("unknowns")),
                 self.at("unknowns"),
             )
         elif stiffness.labels is not None:
-            own, place = from_labels(stiffness.labels), self.at("stiffness")
+            unknowns, location = from_labels(stiffness.labels), self.at("stiffness")
         else:
             raise MeshError(
                 f"{self.at('stiffness')}: numbers its rows and does not say what they are; give "
-                f"{self.place}.unknowns (node and direction of every row), CalculiX's .dof or a .csv"
+                f"{self.location}.unknowns (node and direction of every row), CalculiX's .dof or a .csv"
             )
-        _refuse_repeated(own, place)
-        own = Unknowns(own.node, own.motion, own.position * UNITS[self.config.units][0])
-        return self._placed(own, mesh, place)
+        _refuse_repeated(unknowns, location)
+        unknowns = Unknowns(unknowns.node, unknowns.motion, unknowns.position * UNITS[self.config.units][0])
+        return self._placed(unknowns, mesh, location)
 
-    def _placed(self, own: Unknowns, mesh: Numbered | None, place: str) -> Unknowns:
+    def _placed(self, unknowns: Unknowns, mesh: Numbered | None, location: str) -> Unknowns:
         """With positions of all unknowns that are displacements or rotations."""
-        lacking = (own.motion < 6) & np.isnan(own.position).any(axis=1)
+        lacking = (unknowns.motion < 6) & np.isnan(unknowns.position).any(axis=1)
         numbered = self._nodes() if self.config.nodes is not None else mesh
-        position = own.position.copy()
+        position = unknowns.position.copy()
         if lacking.any() and numbered is not None:
             number, points = numbered
             order = np.argsort(number, kind="stable")
-            at = np.minimum(np.searchsorted(number[order], own.node), len(number) - 1)
-            same = lacking & (number[order][at] == own.node)
+            at = np.minimum(np.searchsorted(number[order], unknowns.node), len(number) - 1)
+            same = lacking & (number[order][at] == unknowns.node)
             position[same] = points[order[at[same]]]
             lacking = lacking & ~same
         if lacking.any():
             k = int(np.flatnonzero(lacking)[0])
             raise MeshError(
-                f"{place}: {np.count_nonzero(lacking)} of {len(own)} unknowns have no coordinates, the "
-                f"first is {own.name(k)}; give {self.place}.nodes, with these numbers, or call what has no "
+                f"{location}: {np.count_nonzero(lacking)} of {len(unknowns)} unknowns have no coordinates, "
+                "the "
+                f"first is {unknowns.name(k)}; give {self.location}.nodes, with these numbers, or call what "
+                "has no "
                 "place `internal`"
             )
-        return Unknowns(own.node, own.motion, position)
+        return Unknowns(unknowns.node, unknowns.motion, position)
 
     def _nodes(self) -> Numbered:
         path, length = self.path("nodes"), UNITS[self.config.units][0]
         if path.suffix.lower() in FORMATS:
-            file = read_mesh_file(path, f"{self.place}.nodes")
+            file = read_mesh_file(path, f"{self.location}.nodes")
             return file.tags, file.points * length
         if path.suffix.lower() != ".csv":
             raise MeshError(f"{self.at('nodes')}: known endings are .csv, {', '.join(FORMATS)}")
@@ -198,18 +203,19 @@ class _Reader:
         try:
             check_file(path, LARGEST, MeshError)
         except (MeshError, ResultError) as error:
-            raise MeshError(f"{self.place}.{key}: {error}") from None
+            raise MeshError(f"{self.location}.{key}: {error}") from None
         return read
 
 
-def _refuse_repeated(own: Unknowns, place: str) -> None:
-    if not len(own):
-        raise MeshError(f"{place}: has no unknowns; write it anew")
-    moving = np.flatnonzero(own.motion < 6)
-    _, first, counts = np.unique(own.labels[moving], axis=0, return_index=True, return_counts=True)
+def _refuse_repeated(unknowns: Unknowns, location: str) -> None:
+    if not len(unknowns):
+        raise MeshError(f"{location}: has no unknowns; write it anew")
+    moving = np.flatnonzero(unknowns.motion < 6)
+    _, first, counts = np.unique(unknowns.labels[moving], axis=0, return_index=True, return_counts=True)
     if (counts > 1).any():
         k = int(moving[first[np.argmax(counts > 1)]])
         raise MeshError(
-            f"{place}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is {own.name(k)}, "
+            f"{location}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
+            f"{unknowns.name(k)}, "
             "limit once; number nodes and directions anew"
         )

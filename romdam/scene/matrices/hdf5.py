@@ -18,7 +18,7 @@ from romdam.core.sealed import reading
 from romdam.scene.matrices.data import DIRECTIONS, Entries, Unknowns
 
 
-def read_hdf5(path: Path, key: str, place: str) -> Entries:
+def read_hdf5(path: Path, key: str, location: str) -> Entries:
     """Read the matrix of a key.
 
     Raises
@@ -27,47 +27,47 @@ def read_hdf5(path: Path, key: str, place: str) -> Entries:
         where the file has none of that name, it is not square, or the file is damaged.
     """
     with reading(path) as file:
-        own = _item(file, key, place)
-        if isinstance(own, h5py.Dataset):
-            matrix = coo_array(np.atleast_2d(np.asarray(own[()], dtype=float)))
+        item = _item(file, key, location)
+        if isinstance(item, h5py.Dataset):
+            matrix = coo_array(np.atleast_2d(np.asarray(item[()], dtype=float)))
         else:
-            data, indices, indptr = (np.asarray(own[name][()]) for name in ("data", "indices", "indptr"))
+            data, indices, indptr = (np.asarray(item[name][()]) for name in ("data", "indices", "indptr"))
             size = len(indptr) - 1
-            made = csr_array((data.astype(float), indices, indptr), shape=(size, size))
-            made.check_format()
-            matrix = coo_array(made)
+            symmetric = csr_array((data.astype(float), indices, indptr), shape=(size, size))
+            symmetric.check_format()
+            matrix = coo_array(symmetric)
     if matrix.shape[0] != matrix.shape[1]:
-        raise MeshError(f"{place}: {key} is not square, {matrix.shape[0]} by {matrix.shape[1]}")
+        raise MeshError(f"{location}: {key} is not square, {matrix.shape[0]} by {matrix.shape[1]}")
     return Entries(matrix.row, matrix.col, matrix.data, matrix.shape[0])
 
 
-def read_columns(path: Path, key: str, place: str) -> Floats:
+def read_columns(path: Path, key: str, location: str) -> Floats:
     """Read columns of numbers (n, k)."""
     with reading(path) as file:
-        values = np.asarray(_item(file, key, place)[()], dtype=float)
+        values = np.asarray(_item(file, key, location)[()], dtype=float)
     return values.reshape(len(values), -1)
 
 
-def read_unknowns(path: Path, place: str) -> Unknowns:
+def read_unknowns(path: Path, location: str) -> Unknowns:
     """Read the unknowns."""
     with reading(path) as file:
-        own = _item(file, "unknowns", place)
-        node = np.asarray(own["node"][()], dtype=np.int64)
-        words = [str(word) for word in own["direction"].asstr()[()]]
-        position = np.asarray(own["position"][()], dtype=float)
+        item = _item(file, "unknowns", location)
+        node = np.asarray(item["node"][()], dtype=np.int64)
+        words = [str(word) for word in item["direction"].asstr()[()]]
+        position = np.asarray(item["position"][()], dtype=float)
     wrong = [word for word in words if word not in DIRECTIONS]
     if wrong or not len(node) == len(words) == len(position) or position.shape[1:] != (3,):
         raise MeshError(
-            f"{place}: unknowns has {len(node)} nodes, {len(words)} directions ({len(wrong)} of them none "
+            f"{location}: unknowns has {len(node)} nodes, {len(words)} directions ({len(wrong)} of them none "
             f"of {', '.join(DIRECTIONS)}) and positions {position.shape}; they must be as many, three "
             "numbers each"
         )
     return Unknowns(node, np.array([DIRECTIONS.index(word) for word in words], dtype=np.int64), position)
 
 
-def _item(file: h5py.File, key: str, place: str) -> h5py.Group | h5py.Dataset:
+def _item(file: h5py.File, key: str, location: str) -> h5py.Group | h5py.Dataset:
     if key not in file:
-        raise MeshError(f"{place}: has no {key!r}; it has {', '.join(sorted(file)) or 'nothing'}")
+        raise MeshError(f"{location}: has no {key!r}; it has {', '.join(sorted(file)) or 'nothing'}")
     return file[key]
 
 

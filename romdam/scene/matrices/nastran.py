@@ -26,7 +26,7 @@ _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
 )  # fmt: skip
 
 
-def read_nastran(path: Path, key: str, place: str) -> Entries:
+def read_nastran(path: Path, key: str, location: str) -> Entries:
     """Read the matrix of a key: the only one in the file, or the only one named K..., M... or B...
 
     Raises
@@ -38,43 +38,48 @@ def read_nastran(path: Path, key: str, place: str) -> Entries:
         with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
             from pyyeti.nastran import bulk, op4
     except ImportError:
-        raise MeshError(f"{place}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'") from None
+        raise MeshError(
+            f"{location}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'"
+        ) from None
     try:
         if path.suffix.lower() == ".op4":
             matrices: dict[str, Any] = op4.read(str(path), sparse=True)
         else:
             matrices = bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
-        raise MeshError(f"{place}: cannot be read ({quote(str(error))}); write it anew") from error
-    name = _chosen(matrices, key, place)
-    own = matrices[name]
-    return _of_table(own, place) if hasattr(own, "index") else _plain(own, place)
+        raise MeshError(f"{location}: cannot be read ({quote(str(error))}); write it anew") from error
+    name = _chosen(matrices, key, location)
+    matrix = matrices[name]
+    return _of_table(matrix, location) if hasattr(matrix, "index") else _plain(matrix, location)
 
 
-def _chosen(names: Collection[str], key: str, place: str) -> str:
+def _chosen(names: Collection[str], key: str, location: str) -> str:
     fitting = [name for name in names if len(names) == 1 or name.upper().startswith(_LETTER[key])]
     if len(fitting) != 1:
         raise MeshError(
-            f"{place}: has the matrices {listed(names)}, of which {len(fitting)} begin with {_LETTER[key]}, "
+            f"{location}: has the matrices {listed(names)}, of which {len(fitting)} begin with "
+            f"{_LETTER[key]}, "
             "expected one; write one matrix into a file of its own"
         )
     return fitting[0]
 
 
-def _plain(matrix: object, place: str) -> Entries:
-    own = coo_array(matrix)
-    if own.shape[0] != own.shape[1]:
-        raise MeshError(f"{place}: is not square, {own.shape[0]} by {own.shape[1]}")
-    return Entries(own.row, own.col, own.data.astype(float), own.shape[0])
+def _plain(matrix: object, location: str) -> Entries:
+    entries = coo_array(matrix)
+    if entries.shape[0] != entries.shape[1]:
+        raise MeshError(f"{location}: is not square, {entries.shape[0]} by {entries.shape[1]}")
+    return Entries(entries.row, entries.col, entries.data.astype(float), entries.shape[0])
 
 
-def _of_table(table: pd.DataFrame, place: str) -> Entries:
+def _of_table(table: pd.DataFrame, location: str) -> Entries:
     """A DMIG, whose rows and columns are named by node and direction."""
     if table.columns.nlevels != 2:
-        raise MeshError(f"{place}: is a rectangular DMIG of {table.shape[1]} columns, expected a square one")
+        raise MeshError(
+            f"{location}: is a rectangular DMIG of {table.shape[1]} columns, expected a square one"
+        )
     ends = [np.array([*side.tolist()], dtype=np.int64) for side in (table.index, table.columns)]
     labels, number = np.unique(np.concatenate(ends), axis=0, return_inverse=True)
     row, column = np.split(number.ravel(), [len(ends[0])])
-    own = coo_array(table.to_numpy(dtype=float))
-    labels[:, 1] = motion_of(labels[:, 1], place)
-    return Entries(row[own.row], column[own.col], own.data, labels=labels)
+    entries = coo_array(table.to_numpy(dtype=float))
+    labels[:, 1] = motion_of(labels[:, 1], location)
+    return Entries(row[entries.row], column[entries.col], entries.data, labels=labels)

@@ -36,7 +36,7 @@ _LOST = 9.0  # a reference coordinate far out
 _VOLUME = 1e-8  # relative difference of the volume by elements and by faces that rounding explains
 
 
-def refuse_bad_faces(block: Block, volume: float, place: str) -> int:
+def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
     """Raise if faces do not pair, one lies inside the block, or the faces' volume is not the elements'.
 
     An element is across every face or none is. Where one is across that does not share the face (a crack that
@@ -45,7 +45,7 @@ def refuse_bad_faces(block: Block, volume: float, place: str) -> int:
     Parameters
     ----------
     volume : of the elements [m3]
-    place : start of the message
+    location : start of the message
 
     Returns
     -------
@@ -56,14 +56,15 @@ def refuse_bad_faces(block: Block, volume: float, place: str) -> int:
     MeshError
     """
     faces = _Faces(block)
-    faces.refuse_unpaired(place)
+    faces.refuse_unpaired(location)
     free = faces.free
-    _refuse_inner(block, free, place)
+    _refuse_inner(block, free, location)
     centre = block.points.mean(axis=0)
     flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), _arms(block, free, centre)))
     if abs(flux / 3.0 - volume) > _VOLUME * volume and not frame(block.element).quadratic:
         raise MeshError(
-            f"{place}: the faces of block {block.name!r} enclose {flux / 3.0:.6g} m3 and its elements hold "
+            f"{location}: the faces of block {block.name!r} enclose {flux / 3.0:.6g} m3 and its elements "
+            "hold "
             f"{volume:.6g} m3: its faces do not close; export the mesh anew"
         )
     return faces.pieces
@@ -102,31 +103,33 @@ class _Faces:
         size = len(self.block.cells)
         return int(connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(size, size)), False)[0])
 
-    def refuse_unpaired(self, place: str) -> None:
+    def refuse_unpaired(self, location: str) -> None:
         """Raise if a face is shared by more than two elements, or by two on the same side of it."""
         many = self.order[self.start[self.count > 2]]
         if len(many):
-            raise self._error(many, "belong to more than two elements: elements overlap", place)
+            raise self._error(many, "belong to more than two elements: elements overlap", location)
         a, b = self.pairs
-        for own, one, columns in facets_by_kind(self.rows[a]):
-            self._refuse_turned(a[own], (one, self.rows[b[own]][:, columns]), place)
+        for rows, facet_nodes, columns in facets_by_kind(self.rows[a]):
+            self._refuse_turned(a[rows], (facet_nodes, self.rows[b[rows]][:, columns]), location)
 
-    def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], place: str) -> None:
+    def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], location: str) -> None:
         c = facet_element(facets[0]).corners
-        one, other = (_from_least(rows, c) for rows in facets)
-        turned = (one[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
+        first, other = (_from_least(rows, c) for rows in facets)
+        turned = (first[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
         if not turned.all():
             raise self._error(
-                a[~turned], "have both their elements on the same side, or are cut otherwise by them", place
+                a[~turned],
+                "have both their elements on the same side, or are cut otherwise by them",
+                location,
             )
-        agree = (one[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
-        agree &= (one[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
+        agree = (first[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
+        agree &= (first[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
         if not agree.all():
-            raise self._error(a[~agree], "have other mid-edge nodes in each of their elements", place)
+            raise self._error(a[~agree], "have other mid-edge nodes in each of their elements", location)
 
-    def _error(self, faces: Ints, what: str, place: str) -> MeshError:
+    def _error(self, faces: Ints, what: str, location: str) -> MeshError:
         return _error(
-            self.block, self.block.points[self.rows[faces[0]]].mean(axis=0), len(faces), what, place
+            self.block, self.block.points[self.rows[faces[0]]].mean(axis=0), len(faces), what, location
         )
 
 
@@ -138,19 +141,19 @@ def _from_least(rows: Ints, corners: int) -> Ints:
     return np.hstack([*turned, rows[:, corners * len(rings) :]])
 
 
-def _error(block: Block, at: Floats, count: int, what: str, place: str) -> MeshError:
+def _error(block: Block, at: Floats, count: int, what: str, location: str) -> MeshError:
     where = ", ".join(f"{x:.6g}" for x in at)
     return MeshError(
-        f"{place}: {count} faces of elements of block {block.name!r} {what}, limit 0 (the first around "
+        f"{location}: {count} faces of elements of block {block.name!r} {what}, limit 0 (the first around "
         f"({where}) m); repair the mesh: merge duplicate nodes and elements, or make it blocks with a "
         "joint or tie"
     )
 
 
-def _refuse_inner(block: Block, free: Ints, place: str) -> None:
+def _refuse_inner(block: Block, free: Ints, location: str) -> None:
     inside = np.zeros(len(free), dtype=bool)
-    for rows, own, _ in facets_by_kind(free):
-        outside = _just_outside(block.points, own)
+    for rows, facet_nodes, _ in facets_by_kind(free):
+        outside = _just_outside(block.points, facet_nodes)
         samples = outside.shape[1]
         inside[rows] = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
     if inside.any():
@@ -159,7 +162,7 @@ def _refuse_inner(block: Block, free: Ints, place: str) -> None:
             "(a crack, nodes that hang, or elements that overlap)"
         )
         raise _error(
-            block, block.points[free[np.argmax(inside)]].mean(axis=0), int(inside.sum()), what, place
+            block, block.points[free[np.argmax(inside)]].mean(axis=0), int(inside.sum()), what, location
         )
 
 
@@ -178,15 +181,15 @@ def _just_outside(points: Floats, facets: Ints) -> Floats:
 
 def _any_cell_has(block: Block, points: Floats) -> Bools:
     """True for each point inside an element."""
-    found = np.zeros(len(points), dtype=bool)
+    inside = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
     for element, _, cells in kinds_of(block.element, block.cells):
-        _find_inside(points, near, *_geometry(block.points[cells], element), found)
-    return found
+        _find_inside(points, near, *_geometry(block.points[cells], element), inside)
+    return inside
 
 
-def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, found: Bools) -> None:
+def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, inside: Bools) -> None:
     """Mark those of the points `near` that are inside an element of one kind."""
     lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
     slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
@@ -194,14 +197,14 @@ def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, fo
     middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
     scale = np.ceil(np.log2(reach))
     for size in np.unique(scale):
-        own = np.flatnonzero(scale == size)
-        by_middle = tree(middle[own])
-        for part in _parts(near, by_middle.query_ball_point(points[near], 2.0**size, return_length=True)):
-            pairs = tree(points[part]).sparse_distance_matrix(by_middle, 2.0**size, output_type="ndarray")
-            p, c = part[pairs["i"]], own[pairs["j"]]
-            boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~found[p]
+        cells_of_size = np.flatnonzero(scale == size)
+        by_middle = tree(middle[cells_of_size])
+        for group in _parts(near, by_middle.query_ball_point(points[near], 2.0**size, return_length=True)):
+            pairs = tree(points[group]).sparse_distance_matrix(by_middle, 2.0**size, output_type="ndarray")
+            p, c = group[pairs["i"]], cells_of_size[pairs["j"]]
+            boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~inside[p]
             p, c = p[boxed], c[boxed]
-            found[p[_inside(points[p], nodes[c], element)]] = True
+            inside[p[_inside(points[p], nodes[c], element)]] = True
 
 
 def _parts(points: Ints, pairs: Ints) -> list[Ints]:
@@ -225,19 +228,19 @@ def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
     The first step is exact for a straight tetrahedron; points that a step takes far out of the reference
     element are not followed any further.
     """
-    found = np.zeros(len(points), dtype=bool)
+    inside = np.zeros(len(points), dtype=bool)
     left = np.arange(len(points))
     xi = np.tile(element.nodes[: element.corners].mean(axis=0), (min(len(points), 1), 1))
     for far in _FOLLOWED:
         better = _newton(points[left], nodes[left], element, xi)
         moved, depth = np.abs(better - xi).max(axis=1), _depth(better, element)
         moved *= element.name != "tet4"  # where a step is exact
-        found[left[(moved < _CONVERGED) & (depth > _INSIDE)]] = True
+        inside[left[(moved < _CONVERGED) & (depth > _INSIDE)]] = True
         on = (moved >= _CONVERGED) & (depth > -far)
         left, xi = left[on], better[on]
         if not len(left):
             break
-    return found
+    return inside
 
 
 def _depth(xi: Floats, element: Element) -> Floats:

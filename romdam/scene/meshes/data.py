@@ -65,71 +65,71 @@ class MeshFile:
     remarks: tuple[str, ...] = ()
 
 
-def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], place: str) -> MeshFile:
+def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) -> MeshFile:
     """Number nodes from 0, once every number is given once, every position is finite and every node known.
 
     Parameters
     ----------
     tags, points : (n,) and (n, 3) of the nodes, in the file's order
     cells : with the file's node numbers
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
     MeshError
     """
     if not len(points):
-        raise MeshError(f"{place} has no nodes; export the mesh anew")
-    _refuse_repeated(tags, "node", place)
+        raise MeshError(f"{location} has no nodes; export the mesh anew")
+    _refuse_repeated(tags, "node", location)
     far = np.flatnonzero(~(np.abs(points) <= _FARTHEST).all(axis=1))
     if len(far):
         at = ", ".join(f"{x:.6g}" for x in points[far[0]])
         raise MeshError(
-            f"{place}: node {tags[far[0]]} is at ({at}), expected finite coordinates up to {_FARTHEST:g} "
+            f"{location}: node {tags[far[0]]} is at ({at}), expected finite coordinates up to {_FARTHEST:g} "
             f"({len(far)} such nodes); repair the file"
         )
     if cells:
-        _refuse_repeated(np.concatenate([c.ids for c in cells]), "element", place)
+        _refuse_repeated(np.concatenate([c.ids for c in cells]), "element", location)
     order = np.argsort(tags, kind="stable")
-    numbered = [replace(c, nodes=_numbered(c, tags[order], order, place)) for c in cells]
+    numbered = [replace(c, nodes=_numbered(c, tags[order], order, location)) for c in cells]
     for c in numbered:
-        _refuse_collapsed(c, place)
-    return MeshFile(points, tags, numbered, remarks=_remarks(tags, points, numbered, place))
+        _refuse_collapsed(c, location)
+    return MeshFile(points, tags, numbered, remarks=_remarks(tags, points, numbered, location))
 
 
-def _refuse_repeated(numbers: Ints, what: str, place: str) -> None:
-    found, counts = np.unique(numbers, return_counts=True)
-    twice = found[counts > 1]
+def _refuse_repeated(numbers: Ints, what: str, location: str) -> None:
+    distinct, counts = np.unique(numbers, return_counts=True)
+    twice = distinct[counts > 1]
     if len(twice):
         raise MeshError(
-            f"{place}: {what} {twice[0]} is given twice (several parts?), limit once "
+            f"{location}: {what} {twice[0]} is given twice (several parts?), limit once "
             f"({len(twice)} such numbers); renumber, or merge the parts into one flat mesh with sets"
         )
 
 
-def _numbered(cells: Cells, known: Ints, order: Ints, place: str) -> Ints:
+def _numbered(cells: Cells, known: Ints, order: Ints, location: str) -> Ints:
     at = np.minimum(np.searchsorted(known, cells.nodes), len(known) - 1)
     lost = np.argwhere(known[at] != cells.nodes)
     if len(lost):
         row, column = lost[0]
         raise MeshError(
-            f"{place}: elements use node {cells.nodes[row, column]}, which is not given (the first is "
+            f"{location}: elements use node {cells.nodes[row, column]}, which is not given (the first is "
             f"element {cells.ids[row]}, {cells.kind}; {len(lost)} such uses); repair the file"
         )
     return np.asarray(order[at], dtype=np.int64)
 
 
-def _refuse_collapsed(cells: Cells, place: str) -> None:
+def _refuse_collapsed(cells: Cells, location: str) -> None:
     rows = np.sort(cells.nodes, axis=1)
     bad = np.flatnonzero((rows[:, 1:] == rows[:, :-1]).any(axis=1)) if cells.dim == 3 else np.zeros(0, int)
     if len(bad):
         raise MeshError(
-            f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) names a node twice ({len(bad)} such "
+            f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) names a node twice ({len(bad)} such "
             "elements, limit 0): it is collapsed; mesh with full hexahedra or tetrahedra"
         )
 
 
-def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tuple[str, ...]:
+def _remarks(tags: Ints, points: Floats, cells: list[Cells], location: str) -> tuple[str, ...]:
     """Remarks on nodes that no element uses; raises where these are so many that elements are missing."""
     taken = np.zeros(len(tags), dtype=bool)
     for block in cells:
@@ -137,7 +137,7 @@ def _remarks(tags: Ints, points: Floats, cells: list[Cells], place: str) -> tupl
     loose = tags[~taken]
     if len(loose) > max(_LOOSE_NUMBER, _LOOSE_SHARE * len(tags)):
         raise MeshError(
-            f"{place}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
+            f"{location}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
             f"limit {100 * _LOOSE_SHARE:g} %: elements are missing, or the file was cut; export it anew, "
             "without unused nodes"
         )
@@ -158,13 +158,13 @@ def by_value(values: list[Ints]) -> Groups:
     values : of every element, kind by kind
     """
     nothing = np.zeros(0, dtype=np.int64)
-    found: Groups = {}
-    for k, own in enumerate(values):
-        order = np.argsort(own, kind="stable")
-        present, start = np.unique(own[order], return_index=True)
+    groups: Groups = {}
+    for k, values_of in enumerate(values):
+        order = np.argsort(values_of, kind="stable")
+        present, start = np.unique(values_of[order], return_index=True)
         for value, members in zip(present.tolist(), np.split(order, start[1:]), strict=False):
-            found.setdefault(str(value), [nothing] * len(values))[k] = members
-    return dict(sorted(found.items(), key=lambda item: int(item[0])))
+            groups.setdefault(str(value), [nothing] * len(values))[k] = members
+    return dict(sorted(groups.items(), key=lambda item: int(item[0])))
 
 
 def by_number(
@@ -179,16 +179,18 @@ def by_number(
     """
     every = np.concatenate([np.zeros(0, np.int64), *(c.ids for c in mesh.cells)])
     for what, sets, known in (("element", elements, every), ("node", nodes, mesh.tags)):
-        for name, own in sets.items():
-            lost = own[~np.isin(own, known)]
+        for name, members in sets.items():
+            lost = members[~np.isin(members, known)]
             if len(lost):
                 raise ValueError(
                     f"group {name!r} has {what} {lost[0]}, which is not given ({len(lost)} such members): "
                     "the file was cut, or has lost them"
                 )
     order = np.argsort(mesh.tags, kind="stable")
-    groups = {n: [np.flatnonzero(np.isin(c.ids, own)) for c in mesh.cells] for n, own in elements.items()}
-    return groups, {n: order[np.searchsorted(mesh.tags[order], own)] for n, own in nodes.items()}
+    groups = {
+        n: [np.flatnonzero(np.isin(c.ids, members)) for c in mesh.cells] for n, members in elements.items()
+    }
+    return groups, {n: order[np.searchsorted(mesh.tags[order], members)] for n, members in nodes.items()}
 
 
 def turned(mesh: MeshFile, kinds: Sequence[str]) -> MeshFile:
@@ -226,11 +228,11 @@ def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
     )
 
 
-def cannot_be_read(place: str, kind: str, why: str) -> MeshError:
-    """The error for a damaged file; `place` is its key and path."""
+def cannot_be_read(location: str, kind: str, why: str) -> MeshError:
+    """The error for a damaged file; `location` is its key and path."""
     article = "an" if kind[0] in "aeiou" else "a"
     return MeshError(
-        f"{place} cannot be read as {article} {kind} file ({why}); supported "
+        f"{location} cannot be read as {article} {kind} file ({why}); supported "
         f"solid elements are {', '.join(SOLIDS)}; export the mesh anew"
     )
 

@@ -60,7 +60,7 @@ class MeshFiles:
         self._read: dict[Path, MeshFile] = {}
         self._used: dict[Path, list[Bools]] = {}
 
-    def block(self, name: str, config: MeshFileConfig, material: Material, place: str) -> Block:
+    def block(self, name: str, config: MeshFileConfig, material: Material, location: str) -> Block:
         """Make a block of the cells of one group of a file, in metres; nodes of other groups are left out.
 
         Groups of facets (gmsh physical surfaces, Nastran shells by property, Abaqus shell element sets,
@@ -69,7 +69,7 @@ class MeshFiles:
 
         Parameters
         ----------
-        place : file and key, for messages
+        location : file and key, for messages
 
         Raises
         ------
@@ -79,20 +79,20 @@ class MeshFiles:
         path = self.folder / config.file
         scale = to_si(f"1 {config.unit}", "m")
         if path not in self._read:
-            file = self._read[path] = read_mesh_file(path, f"{place}.file")
+            file = self._read[path] = read_mesh_file(path, f"{location}.file")
             self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
         file = self._read[path]
         if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
             taken = "all groups" if config.group is None else f"group {config.group!r}"
             log.warning(
-                "%s.group: the block takes %s of %s, which has a group %r too", place, taken, path, name
+                "%s.group: the block takes %s of %s, which has a group %r too", location, taken, path, name
             )
-        members = _members(file, config.group, path, place)
-        for used, own in zip(self._used[path], members, strict=True):
-            used[own] = True
-        block = _block(name, file, members, scale, material, path, place)
+        members = _members(file, config.group, path, location)
+        for used, members_of in zip(self._used[path], members, strict=True):
+            used[members_of] = True
+        block = _block(name, file, members, scale, material, path, location)
         for _ in range(config.refine):
-            block = refine(block, f"{place}.refine")
+            block = refine(block, f"{location}.refine")
         return block
 
     def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
@@ -123,7 +123,7 @@ class MeshFiles:
                 )  # fmt: skip
 
 
-def read_mesh_file(path: Path, place: str) -> MeshFile:
+def read_mesh_file(path: Path, location: str) -> MeshFile:
     """Read a file of one of `FORMATS`.
 
     Raises
@@ -133,25 +133,25 @@ def read_mesh_file(path: Path, place: str) -> MeshFile:
     """
     read = FORMATS.get(path.suffix.lower())
     if read is None:
-        raise MeshError(f"{place}: {path} is of no known format; known endings are {', '.join(FORMATS)}")
+        raise MeshError(f"{location}: {path} is of no known format; known endings are {', '.join(FORMATS)}")
     try:
         check_file(path, LARGEST, MeshError)
-        file = read(path, place)
+        file = read(path, location)
     except OSError as error:
-        raise MeshError(f"{place}: {path} cannot be read ({error})") from None
+        raise MeshError(f"{location}: {path} cannot be read ({error})") from None
     except MeshError as error:
         if not path.exists():
             raise MeshError(
-                f"{place}: no mesh file {path}; give its path relative to the configuration file"
+                f"{location}: no mesh file {path}; give its path relative to the configuration file"
             ) from None
         text = str(error)
-        raise MeshError(text if text.startswith(place) else f"{place}: {text}") from None
-    for remark in (*file.remarks, *_loose_facets(file, f"{place}: {path}")):
-        log.warning("%s: %s: %s", place, path, remark)
+        raise MeshError(text if text.startswith(location) else f"{location}: {text}") from None
+    for remark in (*file.remarks, *_loose_facets(file, f"{location}: {path}")):
+        log.warning("%s: %s: %s", location, path, remark)
     return file
 
 
-def _loose_facets(file: MeshFile, place: str) -> list[str]:
+def _loose_facets(file: MeshFile, location: str) -> list[str]:
     """Remarks on groups of facets that lie on no solid element.
 
     Raises
@@ -159,35 +159,38 @@ def _loose_facets(file: MeshFile, place: str) -> list[str]:
     MeshError
         where solid elements have all corners of a facet, but none has it as a face.
     """
-    found: list[str] = []
+    remarks: list[str] = []
     solid = np.zeros(len(file.points), dtype=bool)
     for cells in file.cells:
         if cells.dim == 3:
             solid[cells.nodes] = True
     if not solid.any():  # a surface
-        return found
+        return remarks
     for k, cells in enumerate(file.cells):
         members = (
-            {label: own[k] for label, own in file.groups.items() if len(own[k])} if cells.dim == 2 else {}
+            {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
+            if cells.dim == 2
+            else {}
         )
         if not members:
             continue
         corner = cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
         off = ~_on_faces(file, corner)
-        for label, own in members.items():
-            lost = own[off[own]]
+        for label, members_of in members.items():
+            lost = members_of[off[members_of]]
             bad = lost[solid[corner[lost]].all(axis=1)]
             if len(bad):
                 raise MeshError(
-                    f"{place}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
+                    f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
                     "of a solid "
                     f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
                 )
             if len(lost):
-                found.append(
-                    f"{len(lost)} of {len(own)} {cells.kind} of group {label!r} lie on no solid element"
+                remarks.append(
+                    f"{len(lost)} of {len(members_of)} {cells.kind} of group {label!r} lie on no solid "
+                    "element"
                 )
-    return found
+    return remarks
 
 
 def _on_faces(file: MeshFile, corners: Ints) -> Bools:
@@ -198,7 +201,11 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
         element = ELEMENT_OF_CELL.get(cells.kind)
         if cells.dim == 3 and element is not None:
             facets = all_facets(cells.nodes, element.name)[0][:, : ELEMENTS[element.facet].corners]
-            rows += [np.sort(own, axis=1) for _, own, _ in facets_by_kind(facets) if own.shape[1] == width]
+            rows += [
+                np.sort(facet_nodes, axis=1)
+                for _, facet_nodes, _ in facets_by_kind(facets)
+                if facet_nodes.shape[1] == width
+            ]
         elif cells.dim == 3:
             return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
     number = row_numbers(np.concatenate(rows))
@@ -212,9 +219,9 @@ def _block(
     scale: float,
     material: Material,
     path: Path,
-    place: str,
+    location: str,
 ) -> Block:
-    element, cells = _cells(file, members, path, place)
+    element, cells = _cells(file, members, path, location)
     used, local = np.unique(cells, return_inverse=True)
     points = file.points[used] * scale
     cells = local.reshape(cells.shape)
@@ -222,11 +229,11 @@ def _block(
     number[used] = np.arange(len(used))
     faces = _faces(file, boundary_facets(cells, element), number)
     block = Block(name, element, points, cells, material, faces)
-    refuse_bad_cells(block, f"{place}.file: {path}")
+    refuse_bad_cells(block, f"{location}.file: {path}")
     return block
 
 
-def _members(file: MeshFile, group: str | int | None, path: Path, place: str) -> list[Ints]:
+def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> list[Ints]:
     """Cell numbers of the group in every block of the file."""
     if group is None:
         return [np.arange(len(c.ids)) for c in file.cells]
@@ -237,7 +244,7 @@ def _members(file: MeshFile, group: str | int | None, path: Path, place: str) ->
         known = [g for g, members in file.groups.items() if _solids(file, members)]
         what = "holds no solid elements" if label in file.groups else "does not exist"
         raise MeshError(
-            f"{place}.group: group {group!r} {what} in {path}; groups of solid elements are "
+            f"{location}.group: group {group!r} {what} in {path}; groups of solid elements are "
             f"{', '.join(known) or 'none: leave `group` out to take all elements'}"
         )
     return file.groups[label]
@@ -247,27 +254,27 @@ def _solids(file: MeshFile, members: list[Ints]) -> int:
     return sum(len(m) for m, cells in zip(members, file.cells, strict=True) if cells.dim == 3)
 
 
-def _cells(file: MeshFile, members: list[Ints], path: Path, place: str) -> tuple[str, Ints]:
+def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tuple[str, Ints]:
     """The block's element and its cells, in the file's node numbers."""
-    found: dict[str, list[Ints]] = {}
+    kinds: dict[str, list[Ints]] = {}
     for m, cells in zip(members, file.cells, strict=True):
         if cells.dim == 3 and len(m):
-            found.setdefault(cells.kind, []).append(cells.nodes[m])
-    counts = {kind: sum(map(len, cells)) for kind, cells in found.items()}
+            kinds.setdefault(cells.kind, []).append(cells.nodes[m])
+    counts = {kind: sum(map(len, cells)) for kind, cells in kinds.items()}
     listed = ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "no solid elements"
     if not set(counts) <= set(ELEMENT_OF_CELL) or not counts:
         known = ", ".join(f"{element.cell.name} ({name})" for name, element in SOLIDS.items())
         raise MeshError(
-            f"{place}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
+            f"{location}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
             "one of these"
         )
-    tables = {kind: np.concatenate(own) for kind, own in found.items()}
+    tables = {kind: np.concatenate(cell_nodes) for kind, cell_nodes in kinds.items()}
     if len(tables) == 1:
-        kind, own = next(iter(tables.items()))
-        return ELEMENT_OF_CELL[kind].name, own
+        kind, cell_nodes = next(iter(tables.items()))
+        return ELEMENT_OF_CELL[kind].name, cell_nodes
     if not (mixed := mixed_cells(tables)):
         raise MeshError(
-            f"{place}.file: {path} mixes elements in this block ({listed}); a block takes linear elements "
+            f"{location}.file: {path} mixes elements in this block ({listed}); a block takes linear elements "
             "or those with mid-edge nodes, hexahedron27 apart; put the others into groups and blocks of "
             "their own, tied by joints"
         )
@@ -287,13 +294,13 @@ def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
     faces = {}
     for label, members in file.groups.items():
-        found = {
+        numbers = {
             index.get(tuple(key), -1)
             for m, cells in zip(members, file.cells, strict=True)
             if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners <= width
             for key in _keys(number[cells.nodes[m][:, : ELEMENT_OF_CELL[cells.kind].corners]], width)
         }
-        if chosen := sorted(found - {-1}):
+        if chosen := sorted(numbers - {-1}):
             faces[label] = boundary[chosen]
     for label, nodes in file.node_sets.items():
         inside = np.isin(keys, number[nodes]).all(axis=1)

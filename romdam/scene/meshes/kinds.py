@@ -30,7 +30,7 @@ def kinds_of(name: str, cells: Ints) -> list[tuple[Element, Ints, Ints]]:
     """The kinds of a block's cells: element, rows of `cells`, and the cells in that element's own nodes."""
     if name not in MIXED:
         return [(ELEMENTS[name], np.arange(len(cells)), cells)]
-    return [(ELEMENT_OF_CELL[kind], rows, own) for kind, rows, own in uncollapsed(cells, 3)]
+    return [(ELEMENT_OF_CELL[kind], rows, cell_nodes) for kind, rows, cell_nodes in uncollapsed(cells, 3)]
 
 
 def mixed_cells(tables: dict[str, Ints]) -> tuple[str, Ints] | None:
@@ -43,17 +43,17 @@ def mixed_cells(tables: dict[str, Ints]) -> tuple[str, Ints] | None:
     for name, whole in MIXED.items():
         kinds = COLLAPSED[3, ELEMENTS[whole].cell.nodes]
         if set(tables) <= set(kinds):
-            return name, np.concatenate([own[:, list(kinds[kind])] for kind, own in tables.items()])
+            return name, np.concatenate([table[:, list(kinds[kind])] for kind, table in tables.items()])
     return None
 
 
-def refuse_wedges(block: Block, what: str, place: str) -> None:
+def refuse_wedges(block: Block, what: str, location: str) -> None:
     """Raise where a block has elements with facets of two kinds.
 
     Parameters
     ----------
     what : is not done with them, such as `are not cut`
-    place : file and key
+    location : file and key
 
     Raises
     ------
@@ -61,7 +61,8 @@ def refuse_wedges(block: Block, what: str, place: str) -> None:
     """
     if block.element not in get_args(GridElement):
         raise MeshError(
-            f"{place}: block {block.name!r} has wedges or pyramids ({block.element}), which {what}; mesh it "
+            f"{location}: block {block.name!r} has wedges or pyramids ({block.element}), which {what}; "
+            "mesh it "
             "with hexahedra or tetrahedra alone"
         )
 
@@ -80,5 +81,5 @@ def facets_by_kind(
     kinds = COLLAPSED.get((2, facets.shape[1]))
     if kinds is None or not (facets[:, 2] == facets[:, 3]).any():
         return [(np.arange(len(facets)), facets, np.arange(facets.shape[1]))]
-    columns = {kind: np.unique(own, return_index=True)[1] for kind, own in kinds.items()}
-    return [(rows, own, columns[kind]) for kind, rows, own in uncollapsed(facets, 2)]
+    columns = {kind: np.unique(facet_nodes, return_index=True)[1] for kind, facet_nodes in kinds.items()}
+    return [(rows, facet_nodes, columns[kind]) for kind, rows, facet_nodes in uncollapsed(facets, 2)]

@@ -24,12 +24,12 @@ _WHOLE = 2**12  # shape functions at the new nodes are multiples of 1 / _WHOLE
 _ROUND_OFF = 1e-6  # of that multiple
 
 
-def refine(block: Block, place: str) -> Block:
+def refine(block: Block, location: str) -> Block:
     """Cut every cell of a block into eight.
 
     Parameters
     ----------
-    place : file and key of the block, for messages
+    location : file and key of the block, for messages
 
     Raises
     ------
@@ -41,7 +41,8 @@ def refine(block: Block, place: str) -> Block:
     for kind, _, table in kinds_of(block.element, block.cells):
         if kind.linear not in _CHILDREN:
             raise MeshError(
-                f"{place}: {len(table)} of {len(block.cells)} cells are {kind.name}, which refinement cannot "
+                f"{location}: {len(table)} of {len(block.cells)} cells are {kind.name}, which refinement "
+                "cannot "
                 "cut into cells of their kind; mesh the part with hexahedra, wedges or tetrahedra"
             )
         _, weights, numbers = _children(kind.name)
@@ -56,24 +57,24 @@ def refine(block: Block, place: str) -> Block:
     points = np.vstack([block.points, *places])[np.sort(first)]
     tables, start = [], 0
     for kind, numbers, count, width in cells:
-        own = number[start : start + count * width].reshape(count, width)
-        tables.append(_in_frame(own[:, numbers].reshape(-1, numbers.shape[1]), kind, block.element))
+        children = number[start : start + count * width].reshape(count, width)
+        tables.append(_in_frame(children[:, numbers].reshape(-1, numbers.shape[1]), kind, block.element))
         start += count * width
 
     def refined_facets(facets: Ints) -> Ints:
-        found = []
+        kinds = []
         for _, table, _ in facets_by_kind(facets):
             kind = next(e for e in ELEMENTS.values() if e.cell.dim == 2 and e.cell.nodes == table.shape[1])
             _, weights, numbers = _children(kind.name)
-            own = rank[np.searchsorted(known, _keys(labels, table, weights))]
-            pieces = own[:, numbers].reshape(-1, numbers.shape[1])
+            children = rank[np.searchsorted(known, _keys(labels, table, weights))]
+            pieces = children[:, numbers].reshape(-1, numbers.shape[1])
             if pieces.shape[1] < facets.shape[1]:
                 (frame,) = (
                     f for f in COLLAPSED[2, facets.shape[1]].values() if len(set(f)) == pieces.shape[1]
                 )
                 pieces = pieces[:, list(frame)]
-            found.append(pieces)
-        return np.concatenate(found) if found else facets
+            kinds.append(pieces)
+        return np.concatenate(kinds) if kinds else facets
 
     faces = {name: refined_facets(facets) for name, facets in block.faces.items()}
     return replace(block, points=points, cells=np.concatenate(tables), faces=faces)
@@ -106,8 +107,8 @@ def _children(name: str) -> tuple[Floats, Floats, Ints]:
     nodes = np.einsum("na,cad->cnd", linear.shape(element.nodes), corners)
     whole = np.rint(nodes.reshape(-1, nodes.shape[2]) * _WHOLE).astype(np.int64)
     places, number = np.unique(whole, axis=0, return_inverse=True)
-    found = places / _WHOLE
-    return found, element.shape(found), number.reshape(nodes.shape[:2])
+    xi = places / _WHOLE
+    return xi, element.shape(xi), number.reshape(nodes.shape[:2])
 
 
 def _hexahedra() -> list[Floats]:
@@ -139,8 +140,8 @@ def _tetrahedra() -> list[Floats]:
     a, b, c, d = ELEMENTS["tet4"].nodes
     ab, ac, ad, bc, bd, cd = (0.5 * (p + q) for p, q in ((a, b), (a, c), (a, d), (b, c), (b, d), (c, d)))
     inner = [(ac, bd, ab, bc), (ac, bd, bc, cd), (ac, bd, cd, ad), (ac, bd, ad, ab)]
-    found = [(a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d), *inner]
-    return [np.array(tet if _volume(tet) > 0.0 else (tet[1], tet[0], *tet[2:])) for tet in found]
+    tetrahedra = [(a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d), *inner]
+    return [np.array(tet if _volume(tet) > 0.0 else (tet[1], tet[0], *tet[2:])) for tet in tetrahedra]
 
 
 def _volume(tet: tuple[Floats, ...]) -> float:

@@ -24,7 +24,7 @@ _STRAY = 1e-2  # of the area where faces meet, that may be farther apart: at a r
 
 
 def refuse_clearance(
-    slave: Surface, master: Surface, between: Segments, tolerance: float, place: str
+    slave: Surface, master: Surface, between: Segments, tolerance: float, location: str
 ) -> None:
     """Raise where two faces are farther apart, or farther inside each other, than meshes of one face are.
 
@@ -32,7 +32,7 @@ def refuse_clearance(
     ----------
     between : segments of the two
     tolerance : distance that is allowed beyond the facets' sagittas [m]
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -45,7 +45,7 @@ def refuse_clearance(
     over = np.abs(between.distance) > allowed
     if area[over].sum() <= _STRAY and abs(mean) <= least + _OF_PARABOLA * area @ curved:
         return
-    raise MeshError(_too_far(slave, master, between, allowed, tolerance, place))
+    raise MeshError(_too_far(slave, master, between, allowed, tolerance, location))
 
 
 def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
@@ -53,12 +53,15 @@ def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
 
     A facet without a bend of its own, as the only one of its face, takes the curvature of the other's.
     """
-    own, other = (_of_facets(face) for face in (slave, master))
-    pairs = (own, between.slave, other, between.master), (other, between.master, own, between.slave)
+    slave_bends, other = (_of_facets(face) for face in (slave, master))
+    pairs = (
+        (slave_bends, between.slave, other, between.master),
+        (other, between.master, slave_bends, between.slave),
+    )
     total = np.zeros(len(between.area))
-    for one, facet, second, opposite in pairs:
-        flat = second.curvature[opposite] * one.length[facet] ** 2 / 8.0
-        total += np.where(one.curvature[facet] > 0.0, one.sagitta[facet], flat) + one.warp[facet]
+    for first, facet, second, opposite in pairs:
+        flat = second.curvature[opposite] * first.length[facet] ** 2 / 8.0
+        total += np.where(first.curvature[facet] > 0.0, first.sagitta[facet], flat) + first.warp[facet]
     return total
 
 
@@ -82,12 +85,12 @@ class _Bends:
 
 def _of_facets(face: Surface) -> _Bends:
     """The largest of the pieces of every facet."""
-    bends, found = _of_pieces(face.pieces), []
+    bends, bends_of = _of_pieces(face.pieces), []
     for field in fields(bends):
         most = np.zeros(len(face.facets))
         np.maximum.at(most, face.pieces.facet, getattr(bends, field.name))
-        found.append(most)
-    return _Bends(*found)
+        bends_of.append(most)
+    return _Bends(*bends_of)
 
 
 def _of_pieces(pieces: Pieces) -> _Bends:
@@ -109,7 +112,7 @@ def _shared_edges(pieces: Pieces) -> tuple[Ints, Ints, Floats]:
     """Pairs of pieces that share an edge, and its direction (n, 3)."""
     ends = pieces.corners, np.roll(pieces.corners, -1, axis=1)
     owner = np.repeat(np.arange(len(pieces.facet)), 4)
-    a, b = (one.reshape(-1, 3) for one in ends)
+    a, b = (ends_of.reshape(-1, 3) for ends_of in ends)
     real = np.flatnonzero((a != b).any(axis=1))
     a, b, owner = a[real], b[real], owner[real]
     number = np.unique(np.concatenate([a, b]), axis=0, return_inverse=True)[1].reshape(2, -1)
@@ -129,16 +132,16 @@ def _across(pieces: Pieces, piece: Ints, along: Floats) -> Floats:
 
 
 def _too_far(
-    slave: Surface, master: Surface, between: Segments, allowed: Floats, tolerance: float, place: str
+    slave: Surface, master: Surface, between: Segments, allowed: Floats, tolerance: float, location: str
 ) -> str:
     worst = int(np.argmax(np.abs(between.distance) - allowed))
     at = ", ".join(f"{x:.6g}" for x in slave.points[slave.facets[between.slave[worst]]].mean(axis=0))
     mean = float(between.area @ between.distance / between.area.sum())
     largest = float(between.distance[worst])
     how = "apart" if mean > 0.0 else "inside each other"
-    key = place.split(": ")[-1]
+    key = location.split(": ")[-1]
     return (
-        f"{place}: the faces of {slave.block!r} and {master.block!r} do not lie on each other: they are "
+        f"{location}: the faces of {slave.block!r} and {master.block!r} do not lie on each other: they are "
         f"{abs(mean):.4g} m {how} on average and {abs(largest):.4g} m at ({at}), limit {tolerance:g} m "
         f"({key}.tolerance) and {float(allowed[worst]) - tolerance:.3g} m for the curvature of their facets; "
         f"move a block, and give a clearance as `gap` of a joint, mesh a curved face finer or alike on both "

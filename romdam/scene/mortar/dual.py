@@ -57,29 +57,31 @@ def coupling(slave: Surface, master: Surface, at: Samples, basis: Element, chang
     """
     m, count = len(change), len(slave.facets)
     mass = np.zeros((count, m, m))
-    for own in _chunks(at):
-        phi = _values(basis, at.xi_slave[own]) @ change.T
-        np.add.at(mass, at.slave[own], np.einsum("tq,tqi,tqj->tij", at.weight[own], phi, phi, optimize=True))
+    for chunk in _chunks(at):
+        phi = _values(basis, at.xi_slave[chunk]) @ change.T
+        np.add.at(
+            mass, at.slave[chunk], np.einsum("tq,tqi,tqj->tij", at.weight[chunk], phi, phi, optimize=True)
+        )
     area = mass @ np.linalg.solve(change.T, np.ones(m)) if m else np.zeros((count, 0))
     dual = _dual(mass, area) @ change
     rows, sides = slave.facets[:, :m], ((slave, at.slave, at.xi_slave), (master, at.master, at.xi_master))
     sums = []
     for face, facet, xi in sides:
         total = csr_matrix((len(slave.points), len(face.points)))
-        for own in _chunks(at):
+        for chunk in _chunks(at):
             psi = np.einsum(
-                "tij,tqj->tqi", dual[at.slave[own]], _values(basis, at.xi_slave[own]), optimize=True
+                "tij,tqj->tqi", dual[at.slave[chunk]], _values(basis, at.xi_slave[chunk]), optimize=True
             )
             block = np.einsum(
-                "tq,tqi,tqk->tik", at.weight[own], psi, _values(face.element, xi[own]), optimize=True
+                "tq,tqi,tqk->tik", at.weight[chunk], psi, _values(face.element, xi[chunk]), optimize=True
             )
-            i = np.broadcast_to(rows[at.slave[own]][:, :, None], block.shape)
-            k = np.broadcast_to(face.facets[facet[own]][:, None, :], block.shape)
+            i = np.broadcast_to(rows[at.slave[chunk]][:, :, None], block.shape)
+            k = np.broadcast_to(face.facets[facet[chunk]][:, None, :], block.shape)
             total = total + csr_matrix((block.ravel(), (i.ravel(), k.ravel())), shape=total.shape)
         sums.append(total)
     whole = np.zeros(len(slave.points))
     np.add.at(whole, rows, area)
-    return Coupling(whole, *(without_round_off(one, whole) for one in sums))
+    return Coupling(whole, *(without_round_off(weights_sum, whole) for weights_sum in sums))
 
 
 def _chunks(at: Samples) -> list[slice]:

@@ -58,16 +58,16 @@ def mortar_gaps(interface: MortarInterface) -> FaceGaps:
     gather = shares(interface, nodes)
     area = gather @ whole.area
     scale = diags_array(1.0 / area)
-    weights = [csr_matrix(scale @ (gather @ one)) for one in (whole.slave, whole.master)]
+    weights = [csr_matrix(scale @ (gather @ operator)) for operator in (whole.slave, whole.master)]
     there = _values_at(interface, facet, xi)
     here = csr_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), shape=weights[0].shape)
     points = [here, there]
     seen = [np.unique(np.concatenate([w.indices, p.indices])) for w, p in zip(weights, points, strict=True)]
     order = (1, 0) if interface.slave_is_J else (0, 1)
-    own = [csr_matrix(w[:, s]) for w, s in zip(weights, seen, strict=True)]
+    weights_seen = [csr_matrix(w[:, s]) for w, s in zip(weights, seen, strict=True)]
     exact = [csr_matrix(p[:, s]) for p, s in zip(points, seen, strict=True)]
     where = slave.points[nodes], there @ master.points
-    same = all(abs(w - p).max() < 1e-12 for w, p in zip(own, exact, strict=True))
+    same = all(abs(w - p).max() < 1e-12 for w, p in zip(weights_seen, exact, strict=True))
     sign = -1.0 if interface.slave_is_J else 1.0
     return FaceGaps(
         nodes=(seen[order[0]], seen[order[1]]),
@@ -76,7 +76,7 @@ def mortar_gaps(interface: MortarInterface) -> FaceGaps:
         normal=sign * interface.normals[nodes],
         area=np.asarray(area),
         corner=nodes,
-        weights=(own[order[0]], own[order[1]]),
+        weights=(weights_seen[order[0]], weights_seen[order[1]]),
         at_point=None if same else (exact[order[0]], exact[order[1]]),
     )
 

@@ -77,10 +77,10 @@ class MortarInterface:
         shape = self.master.facets[facet][:, : len(self.master.mapping.nodes)]
         flat = np.einsum("nak,ndk->nad", self.master.points[shape] - at[:, None], frame)
         xi = local_coordinates(self.master.mapping, flat, np.zeros((len(row), 1, 2)))[:, 0]
-        beside = _beside(xi, self.master.element.box)
-        order = np.lexsort((facet, np.round(beside, 9), row))
+        outside = _beside(xi, self.master.element.box)
+        order = np.lexsort((facet, np.round(outside, 9), row))
         first = order[np.unique(row[order], return_index=True)[1]]
-        first = first[beside[first] <= _BESIDE]
+        first = first[outside[first] <= _BESIDE]
         return row[first], facet[first], xi[first]
 
     def _near(self, nodes: Ints) -> tuple[Ints, Ints]:
@@ -94,7 +94,7 @@ class MortarInterface:
 
 
 def mortar_interface(
-    block_I: Block, block_J: Block, tolerance: float, overlap: float, place: str
+    block_I: Block, block_J: Block, tolerance: float, overlap: float, location: str
 ) -> MortarInterface:
     """Find the facets of two blocks that lie on each other, matching or not.
 
@@ -102,7 +102,7 @@ def mortar_interface(
     ----------
     tolerance : distance of the faces [m]; see `segments`
     overlap : least share of either face that the other covers
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -112,35 +112,35 @@ def mortar_interface(
         where the faces are apart, or inside each other, by more than the tolerance and their curvature.
     """
     I, J = Surface.boundary(block_I), Surface.boundary(block_J)
-    between = _facing(I, J, tolerance, place)
+    between = _facing(I, J, tolerance, location)
     share_I, share_J = (
         _covered(face, facet, between.area) for face, facet in ((I, between.slave), (J, between.master))
     )
     touched_I, touched_J = np.flatnonzero(share_I > _TOUCHED), np.flatnonzero(share_J > _TOUCHED)
     if not len(touched_I) or not len(touched_J):
-        raise ConfigError(do_not_touch(block_I, block_J, tolerance, place))
+        raise ConfigError(do_not_touch(block_I, block_J, tolerance, location))
     I, J = I.only(touched_I), J.only(touched_J)
     for face in (I, J):
-        _refuse_two_kinds(face, place)
+        _refuse_two_kinds(face, location)
     area = float(between.area.sum())
     shares = area / I.areas.sum(), area / J.areas.sum()
     if max(shares) < overlap:
-        raise ConfigError(_too_little(I, J, area, overlap, place))
+        raise ConfigError(_too_little(I, J, area, overlap, location))
     equal = abs(shares[0] - shares[1]) < _EQUAL
     corners_I, corners_J = (len(np.unique(face.facets[:, : face.element.corners])) for face in (I, J))
     # of faces that are equal in this, too, the first by name, in whatever order they stand
     slave_is_J = (corners_J, I.block) > (corners_I, J.block) if equal else shares[1] > shares[0]
     slave, master = (J, I) if slave_is_J else (I, J)
-    between = _facing(slave, master, tolerance, place)
-    refuse_clearance(slave, master, between, tolerance, place)
+    between = _facing(slave, master, tolerance, location)
+    refuse_clearance(slave, master, between, tolerance, location)
     return MortarInterface(slave, master, between, slave_is_J)
 
 
-def _refuse_two_kinds(face: Surface, place: str) -> None:
+def _refuse_two_kinds(face: Surface, location: str) -> None:
     """Dual shape functions are those of one kind of facet."""
     if len(facets_by_kind(face.facets)) > 1:
         raise ConfigError(
-            f"{place}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
+            f"{location}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
             "discretization: mortar does not take together; mesh the face with one kind, or set "
             "discretization: node_to_node where the meshes conform"
         )
@@ -151,7 +151,7 @@ def _covered(face: Surface, facet: Ints, area: Floats) -> Floats:
     return np.asarray(np.bincount(facet, area, len(face.facets)) / face.areas)
 
 
-def _facing(I: Surface, J: Surface, tolerance: float, place: str) -> Segments:
+def _facing(I: Surface, J: Surface, tolerance: float, location: str) -> Segments:
     """Segments of facets that face each other.
 
     Beside an edge of the interface facets also come near others at an angle; these are left out while they
@@ -165,19 +165,21 @@ def _facing(I: Surface, J: Surface, tolerance: float, place: str) -> Segments:
         worst = int(np.argmax(angle))
         at = ", ".join(f"{x:.6g}" for x in I.points[I.facets[between.slave[worst]]].mean(axis=0))
         raise ConfigError(
-            f"{place}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to each "
+            f"{location}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to "
+            "each "
             f"other at ({at}), and at more than {STEEPEST:g} over {share:.2g} of the area where they meet, "
             f"limit {_FEW:g}; mesh them so that they lie on each other"
         )
     return between.only(~steep)
 
 
-def _too_little(I: Surface, J: Surface, area: float, overlap: float, place: str) -> str:
+def _too_little(I: Surface, J: Surface, area: float, overlap: float, location: str) -> str:
     middle = ", ".join(f"{x:.6g}" for x in I.points[I.facets].mean(axis=(0, 1)))
-    own, other = I.areas.sum(), J.areas.sum()
+    area_I, area_J = I.areas.sum(), J.areas.sum()
     return (
-        f"{place}: the faces of {I.block!r} and {J.block!r} lie on each other over {area:.6g} m2 about "
-        f"({middle}), {area / own:.3g} of {own:.6g} m2 and {area / other:.3g} of {other:.6g} m2 of the "
+        f"{location}: the faces of {I.block!r} and {J.block!r} lie on each other over {area:.6g} m2 about "
+        f"({middle}), {area / area_I:.3g} of {area_I:.6g} m2 and {area / area_J:.3g} of {area_J:.6g} m2 of "
+        "the "
         f"facets that meet, limit {overlap:g} of one; move a block, mesh along the common edge, or lower its "
         f"`overlap`"
     )

@@ -104,7 +104,7 @@ def _near(I: Pieces, J: Pieces, tolerance: float) -> tuple[Ints, Ints]:
     """Pairs of pieces whose surroundings meet and that look at each other."""
     by_centre = tree(J.centre)
     lists = by_centre.query_ball_point(I.centre, I.radius + J.radius.max() + tolerance, return_sorted=True)
-    i = np.repeat(np.arange(len(lists)), [len(one) for one in lists])
+    i = np.repeat(np.arange(len(lists)), [len(members) for members in lists])
     j = np.concatenate([np.zeros(0, dtype=int), *lists]).astype(np.int64)
     apart = J.centre[j] - I.centre[i]
     reach = _reach(I, J, i, j, tolerance)
@@ -139,20 +139,20 @@ def samples(slave: Surface, master: Surface, where: Segments, degree: int) -> Sa
     ----------
     degree : of the integrand in the plane, where facets are triangles or parallelograms
     """
-    own, corner = _fan(where)
+    piece, corner = _fan(where)
     exact = slave.is_affine and master.is_affine
     xi, weight = simplex_rule(degree if exact else degree + _CURVED, 2)
     a, b, c = corner.transpose(1, 0, 2)
     points = a[:, None] + xi[:, :1] * (b - a)[:, None] + xi[:, 1:] * (c - a)[:, None]
     double = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     here = [
-        local_coordinates(face.mapping, _flat_nodes(face, facet, where, own), points)
-        for face, facet in ((slave, where.slave[own]), (master, where.master[own]))
+        local_coordinates(face.mapping, _flat_nodes(face, facet, where, piece), points)
+        for face, facet in ((slave, where.slave[piece]), (master, where.master[piece]))
     ]
     size = double[:, None] * weight
     if not slave.is_straight:
-        size = _on_surface(slave, where, own, here[0], size)
-    return Samples(where.slave[own], where.master[own], here[0], here[1], size)
+        size = _on_surface(slave, where, piece, here[0], size)
+    return Samples(where.slave[piece], where.master[piece], here[0], here[1], size)
 
 
 def _fan(where: Segments) -> tuple[Ints, Floats]:
@@ -162,24 +162,24 @@ def _fan(where: Segments) -> tuple[Ints, Floats]:
     triangles = np.stack(
         [np.repeat(corners[:, :1], width - 2, axis=1), corners[:, 1:-1], corners[:, 2:]], axis=2
     ).reshape(-1, 3, 2)
-    own = np.repeat(np.arange(len(corners)), width - 2)
+    piece = np.repeat(np.arange(len(corners)), width - 2)
     some = np.flatnonzero(polygon_areas(triangles) > 0.0)
-    return own[some], triangles[some]
+    return piece[some], triangles[some]
 
 
-def _flat_nodes(face: Surface, facet: Ints, where: Segments, own: Ints) -> Floats:
+def _flat_nodes(face: Surface, facet: Ints, where: Segments, piece: Ints) -> Floats:
     """Nodes that give facets their shape, in the planes of segments."""
-    nodes = face.points[face.facets[facet][:, : len(face.mapping.nodes)]] - where.origin[own][:, None]
-    return np.einsum("nak,ndk->nad", nodes, where.frame[own][:, :2])
+    nodes = face.points[face.facets[facet][:, : len(face.mapping.nodes)]] - where.origin[piece][:, None]
+    return np.einsum("nak,ndk->nad", nodes, where.frame[piece][:, :2])
 
 
-def _on_surface(slave: Surface, where: Segments, own: Ints, xi: Floats, size: Floats) -> Floats:
+def _on_surface(slave: Surface, where: Segments, piece: Ints, xi: Floats, size: Floats) -> Floats:
     """Weights of the plane over the cosine to the curved surface; covered facets get their own area."""
-    facet = where.slave[own]
+    facet = where.slave[piece]
     slope = slave.element.gradient(xi.reshape(-1, 2)).reshape(*xi.shape[:2], 2, -1)
     tangents = np.einsum("nqda,nak->nqdk", slope, slave.points[slave.facets[facet]], optimize=True)
     normal = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-    cosine = np.einsum("nqk,nk->nq", normal, where.frame[own][:, 2]) / np.linalg.norm(normal, axis=2)
+    cosine = np.einsum("nqk,nk->nq", normal, where.frame[piece][:, 2]) / np.linalg.norm(normal, axis=2)
     size = size / cosine
     covered = np.bincount(facet, size.sum(axis=1), len(slave.facets))
     share = np.divide(slave.areas, covered, out=np.ones_like(covered), where=covered > 0.0)

@@ -106,14 +106,14 @@ class Surface:
     @cached_property
     def pieces(self) -> Pieces:
         """The facets themselves where they are straight, else the linear facets their nodes cut them into."""
-        found, owner = [], []
+        pieces, owner = [], []
         for rows, facets, _ in facets_by_kind(self.facets):
             element = facet_element(facets)
-            own = (tuple(range(element.corners)),) if self.is_straight else element.pieces
-            padded = np.array([(*one, one[-1])[:4] for one in own])
-            found.append(self.points[facets[:, padded]].reshape(-1, 4, 3))
-            owner.append(np.repeat(rows, len(own)))
-        corners, facet = np.concatenate(found), np.concatenate(owner)
+            corner_lists = (tuple(range(element.corners)),) if self.is_straight else element.pieces
+            padded = np.array([(*corners_of, corners_of[-1])[:4] for corners_of in corner_lists])
+            pieces.append(self.points[facets[:, padded]].reshape(-1, 4, 3))
+            owner.append(np.repeat(rows, len(corner_lists)))
+        corners, facet = np.concatenate(pieces), np.concatenate(owner)
         centre = corners.mean(axis=1)
         normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

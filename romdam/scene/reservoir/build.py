@@ -14,7 +14,7 @@ from romdam.scene.facets import area_vectors, facet_normals
 from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.reservoir.own_mesh import reservoir_mesh
+from romdam.scene.reservoir.reservoir_mesh import reservoir_mesh
 from romdam.scene.select import refuse_selected_twice, select_facets
 
 _LEAST_DEPTHS = 0.05  # of the depth, below which water upstream is a slit
@@ -49,26 +49,26 @@ def build_reservoir(
     """
     if config is None:
         return None
-    place = f"{source}: water"
+    location = f"{source}: water"
     faces = [
-        WetFace(face.block, select_facets(blocks[face.block], face.face, f"{place}.faces[{k}].face"))
+        WetFace(face.block, select_facets(blocks[face.block], face.face, f"{location}.faces[{k}].face"))
         for k, face in enumerate(config.faces)
     ]
     seen = dict[tuple[str, tuple[int, ...]], str]()
     for k, face in enumerate(faces):
-        refuse_selected_twice(seen, face.block, face.facets, f"{place}.faces[{k}]")
+        refuse_selected_twice(seen, face.block, face.facets, f"{location}.faces[{k}]")
     heights = [blocks[face.block].points[face.facets, 2] for face in faces]
-    refuse_level(config.level, heights, place)
+    refuse_level(config.level, heights, location)
     for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
-        at = f"{place}.faces[{k}]"
+        at = f"{location}.faces[{k}]"
         _refuse_dry(config.level, height, at)
         _refuse_contact(face, contacts, blocks, at)
         _refuse_held(face, fixed[face.block], at)
-    _refuse_floor(config, place)
+    _refuse_floor(config, location)
     bottom = min(float(height.min()) for height in heights)
-    upstream = _upstream(config, blocks, faces, place)
+    upstream = _upstream(config, blocks, faces, location)
     if config.model != "westergaard" and config.mesh is None:
-        _refuse_behind(upstream, blocks, faces, place)
+        _refuse_behind(upstream, blocks, faces, location)
     water = Reservoir(
         faces=tuple(faces),
         level=config.level,
@@ -80,22 +80,22 @@ def build_reservoir(
         sound=_sound(config),
     )
     if config.mesh is None:
-        _refuse_slit(water, place)
-        _refuse_many_waves(water, blocks, place)
+        _refuse_slit(water, location)
+        _refuse_many_waves(water, blocks, location)
         return water
-    return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{place}.mesh"))
+    return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{location}.mesh"))
 
 
-def _refuse_slit(water: Reservoir, place: str) -> None:
+def _refuse_slit(water: Reservoir, location: str) -> None:
     if water.solved and water.length < _LEAST_DEPTHS * water.depth:
         raise ConfigError(
-            f"{place}.length: {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
+            f"{location}.length: {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
             f"{water.depth:.4g} m, limit {_LEAST_DEPTHS:g}: a slit of water is no reservoir; leave it out "
             f"for {_DEPTHS:g} depths, or is the unit right?"
         )
 
 
-def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], place: str) -> None:
+def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], location: str) -> None:
     """Refuse a reservoir of more modes below the cutoff than anybody waits for: V omega^3 / (6 pi^2 c^3)."""
     if water.sound is None:
         return
@@ -107,7 +107,8 @@ def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], place: str) -
     count = area * water.length * waves**3 / (6.0 * np.pi**2)
     if count > _MOST_WAVES:
         raise ConfigError(
-            f"{place}.sound_speed: at {water.sound.speed:g} m/s the water has about {count:.2g} modes below "
+            f"{location}.sound_speed: at {water.sound.speed:g} m/s the water has about {count:.2g} modes "
+            "below "
             f"{water.sound.cutoff:g} Hz, limit {_MOST_WAVES:g}; is the unit right? Else lower water.cutoff "
             "or water.length"
         )
@@ -119,7 +120,7 @@ def _sound(config: WaterConfig) -> Sound | None:
     return Sound(config.sound_speed, config.bottom_reflection, config.cutoff)
 
 
-def refuse_level(level: float, heights: list[Floats], place: str) -> None:
+def refuse_level(level: float, heights: list[Floats], location: str) -> None:
     """Refuse water above its faces, or not above their foot.
 
     Raises
@@ -132,82 +133,85 @@ def refuse_level(level: float, heights: list[Floats], place: str) -> None:
         what = "above the top of its faces" if level > top else "not above the foot of its faces"
         remedy = "lower it" if level > top else "raise it, or leave the load out"
         raise ConfigError(
-            f"{place}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} m; "
+            f"{location}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to "
+            f"{top:g} m; "
             f"{remedy}"
         )
 
 
-def _refuse_floor(config: WaterConfig, place: str) -> None:
+def _refuse_floor(config: WaterConfig, location: str) -> None:
     if config.bottom is not None and config.bottom >= config.level:
         raise ConfigError(
-            f"{place}.bottom: the floor at {config.bottom:g} m must be below the level of {config.level:g} "
+            f"{location}.bottom: the floor at {config.bottom:g} m must be below the level of "
+            f"{config.level:g} "
             "m; lower it, or leave the key out"
         )
 
 
-def _refuse_dry(level: float, height: Floats, place: str) -> None:
+def _refuse_dry(level: float, height: Floats, location: str) -> None:
     if height.min() >= level:
         raise ConfigError(
-            f"{place}: the face is not wet: it begins at {height.min():g} m, above the level of {level:g} m; "
+            f"{location}: the face is not wet: it begins at {height.min():g} m, above the level of "
+            f"{level:g} m; "
             "leave it out"
         )
 
 
 def _refuse_contact(
-    face: WetFace, contacts: tuple[Joint | Tie, ...], blocks: dict[str, Block], place: str
+    face: WetFace, contacts: tuple[Joint | Tie, ...], blocks: dict[str, Block], location: str
 ) -> None:
     for contact in contacts:
         for side, block in enumerate(contact.blocks):
             inside = int(_across(face, contact, side, blocks).sum()) if block == face.block else 0
             if inside:
                 raise ConfigError(
-                    f"{place}: the face is not wet: {inside} of its {len(face.facets)} facets lie in the "
+                    f"{location}: the face is not wet: {inside} of its {len(face.facets)} facets lie in the "
                     f"contact {contact.name!r} with a neighbour; name the upstream face"
                 )
 
 
 def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
     """True for facets that lie on the neighbour, with most of their area."""
-    own = Surface(face.block, blocks[face.block].points, face.facets)
-    between = segments(own, Surface.boundary(blocks[contact.blocks[1 - side]]), _TOUCH)
+    wet_face = Surface(face.block, blocks[face.block].points, face.facets)
+    between = segments(wet_face, Surface.boundary(blocks[contact.blocks[1 - side]]), _TOUCH)
     area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
     covered = np.bincount(between.slave, area, len(face.facets))
-    return np.asarray(covered > 0.5 * own.areas)
+    return np.asarray(covered > 0.5 * wet_face.areas)
 
 
-def _refuse_held(face: WetFace, fixed: Bools, place: str) -> None:
+def _refuse_held(face: WetFace, fixed: Bools, location: str) -> None:
     if fixed[face.facets].all():
         raise ConfigError(
-            f"{place}: the face is not wet: supports hold all {len(face.facets)} of its facets, so that "
+            f"{location}: the face is not wet: supports hold all {len(face.facets)} of its facets, so that "
             "nothing moves the water; name the upstream face"
         )
 
 
-def _upstream(config: WaterConfig, blocks: dict[str, Block], faces: list[WetFace], place: str) -> Floats:
+def _upstream(config: WaterConfig, blocks: dict[str, Block], faces: list[WetFace], location: str) -> Floats:
     if config.upstream is not None:
-        given = np.array(config.upstream) * [1.0, 1.0, 0.0]
+        upstream = np.array(config.upstream) * [1.0, 1.0, 0.0]
     else:
         vectors = [area_vectors(blocks[face.block].points, face.facets).sum(axis=(0, 1)) for face in faces]
         total = np.sum(vectors, axis=0)
         area = np.sum([np.linalg.norm(v) for v in vectors])
-        given = total / area * [1.0, 1.0, 0.0]
-    size = float(np.linalg.norm(given))
+        upstream = total / area * [1.0, 1.0, 0.0]
+    size = float(np.linalg.norm(upstream))
     if size <= _LEVEL:
         raise ConfigError(
-            f"{place}.upstream: {'it' if config.upstream else 'the mean normal of the faces'} has no "
+            f"{location}.upstream: {'it' if config.upstream else 'the mean normal of the faces'} has no "
             f"horizontal part (length {size:.2g}, limit {_LEVEL:g}); give a direction such as [0, -1, 0]"
         )
-    return np.asarray(given / size)
+    return np.asarray(upstream / size)
 
 
-def _refuse_behind(upstream: Floats, blocks: dict[str, Block], faces: list[WetFace], place: str) -> None:
+def _refuse_behind(upstream: Floats, blocks: dict[str, Block], faces: list[WetFace], location: str) -> None:
     """A prismatic reservoir starts at faces that look upstream."""
     for k, face in enumerate(faces):
         looks = facet_normals(blocks[face.block].points, face.facets) @ upstream
         if looks.min() <= 0.0:
             angle = np.degrees(np.arccos(looks.min()))
             raise ConfigError(
-                f"{place}.faces[{k}]: {int((looks <= 0.0).sum())} of its {len(looks)} facets are not wet, "
+                f"{location}.faces[{k}]: {int((looks <= 0.0).sum())} of its {len(looks)} facets are not wet, "
                 f"they look away from the reservoir ({angle:.0f} degrees off {upstream.round(3).tolist()}, "
                 "limit 90); name the upstream face only, or correct `upstream`"
             )

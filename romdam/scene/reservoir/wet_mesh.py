@@ -117,7 +117,7 @@ def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
 def _rim(pieces: tuple[WetPieces, ...], surface: Bools) -> tuple[Ints, Ints]:
     """Edges (n, 2), below the surface, that one piece alone has, and the number of the piece."""
     pairs = [np.stack([p.nodes, np.roll(p.nodes, -1, axis=1)], axis=2).reshape(-1, 2) for p in pieces]
-    owner = np.repeat(np.arange(len(pieces)), [len(own) for own in pairs])
+    owner = np.repeat(np.arange(len(pieces)), [len(nodes_of) for nodes_of in pairs])
     edges, first, count = np.unique(
         np.sort(np.concatenate(pairs), axis=1), axis=0, return_index=True, return_counts=True
     )
@@ -128,16 +128,16 @@ def _rim(pieces: tuple[WetPieces, ...], surface: Bools) -> tuple[Ints, Ints]:
 def _seams(points: Floats, surface: Bools, pieces: tuple[WetPieces, ...]) -> tuple[Ints, csr_matrix]:
     """Edges on seams, and what follows what, see `WetMesh`."""
     edges, piece = _rim(pieces, surface)
-    block = np.array([one.block for one in pieces])[piece]
+    block = np.array([part_of_dam.block for part_of_dam in pieces])[piece]
     opposite = _opposite(points, edges, block)  # pairs of edges (i, j), the middle of i on j
     seams, follow = np.unique(opposite), diags_array(np.ones(len(points))).tolil()
     nodes = {(a, b): set(edges[opposite[(block[opposite] == (a, b)).all(axis=1)][:, 0]].ravel().tolist())
              for a, b in {tuple(pair) for pair in block[opposite].tolist()}}  # fmt: skip
-    for (own, other), candidates in nodes.items():
-        fewer = nodes.get((other, own), set())
-        if (len(candidates), own) <= (len(fewer), other):  # of as many, one of the two
+    for (piece_nodes, other), candidates in nodes.items():
+        fewer = nodes.get((other, piece_nodes), set())
+        if (len(candidates), piece_nodes) <= (len(fewer), other):  # of as many, one of the two
             continue
-        masters = edges[np.unique(opposite[(block[opposite] == (own, other)).all(axis=1)][:, 1])]
+        masters = edges[np.unique(opposite[(block[opposite] == (piece_nodes, other)).all(axis=1)][:, 1])]
         free = [node for node in candidates - set(masters.ravel().tolist()) if not surface[node]]
         for node in free:
             start, along = points[masters[:, 0]], points[masters[:, 1]] - points[masters[:, 0]]
@@ -157,16 +157,16 @@ def _opposite(points: Floats, edges: Ints, block: np.ndarray) -> Ints:
     """Pairs (n, 2) of edges of two blocks, the middle of the first on the second."""
     ends = points[edges]
     middle, length = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    found = [np.zeros((0, 2), dtype=np.int64)]
+    meetings = [np.zeros((0, 2), dtype=np.int64)]
     reach = 0.5 * (length + length.max(initial=0.0))
     for i, near in enumerate(tree(middle).query_ball_point(middle, reach) if len(edges) else ()):
         others = np.array([j for j in near if block[j] != block[i]], dtype=np.int64)
         start, along = ends[others, 0], ends[others, 1] - ends[others, 0]
         share = np.einsum("nk,nk->n", middle[i] - start, along) / np.maximum(length[others] ** 2, 1e-300)
         apart = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[:, None] * along - middle[i], axis=1)
-        beside = others[(apart < _BESIDE * length[i]) & (share > 0.0) & (share < 1.0)]
-        found.append(np.stack([np.full(len(beside), i), beside], axis=1))
-    return np.concatenate(found)
+        neighbours = others[(apart < _BESIDE * length[i]) & (share > 0.0) & (share < 1.0)]
+        meetings.append(np.stack([np.full(len(neighbours), i), neighbours], axis=1))
+    return np.concatenate(meetings)
 
 
 def _merged(points: Floats, tolerance: float) -> tuple[Ints, Floats]:
@@ -185,10 +185,10 @@ def _below(points: Floats, facets: Ints, reservoir: Reservoir) -> list[tuple[Int
     height = points[facets[:, :c], 2]
     whole = (height <= reservoir.level + slack).all(axis=1)
     cut = ~whole & (height < reservoir.level - slack).any(axis=1)
-    found = []
+    parts_below = []
     if whole.any():
         xi = np.broadcast_to(element.nodes[:c], (int(whole.sum()), c, 2))
-        found.append((facets[whole], xi, points[facets[whole][:, :c]]))
+        parts_below.append((facets[whole], xi, points[facets[whole][:, :c]]))
     triangles = [
         (facet, tri)
         for facet in facets[cut]
@@ -196,8 +196,8 @@ def _below(points: Floats, facets: Ints, reservoir: Reservoir) -> list[tuple[Int
     ]
     if triangles:
         corner = np.array([tri for _, tri in triangles])
-        found.append((np.array([facet for facet, _ in triangles]), corner[..., :2], corner[..., 2:]))
-    return found
+        parts_below.append((np.array([facet for facet, _ in triangles]), corner[..., :2], corner[..., 2:]))
+    return parts_below
 
 
 def _fan(ring: Floats, level: float) -> list[Floats]:

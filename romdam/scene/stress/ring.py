@@ -95,8 +95,8 @@ def near_edges(points: Floats, ends: Floats, radius: Floats) -> Bools:
     along = ends[:, 1] - ends[:, 0]
     reach = radius + 0.5 * np.linalg.norm(along, axis=1)
     hits = tree(points).query_ball_point(ends.mean(axis=1), reach)
-    which = np.repeat(np.arange(len(ends)), [len(one) for one in hits])
-    at = np.concatenate([np.asarray(one, dtype=np.int64) for one in hits])
+    which = np.repeat(np.arange(len(ends)), [len(hit) for hit in hits])
+    at = np.concatenate([np.asarray(hit, dtype=np.int64) for hit in hits])
     off = points[at] - ends[which, 0]
     share = (off * along[which]).sum(axis=1) / (along[which] ** 2).sum(axis=1)
     distance = np.linalg.norm(off - np.clip(share, 0.0, 1.0)[:, None] * along[which], axis=1)
@@ -123,9 +123,9 @@ def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], held: Bool
 
 def _reentrant(outline: Outline, pair: Ints) -> Bools:
     """Tell whether two facets enclose more than 180 degrees of material, as curved faces do not."""
-    one, other = pair
-    turn = (outline.normal[one] * outline.normal[other]).sum(axis=1)
-    towards = (outline.normal[one] * (outline.middle[other] - outline.middle[one])).sum(axis=1)
+    first, other = pair
+    turn = (outline.normal[first] * outline.normal[other]).sum(axis=1)
+    towards = (outline.normal[first] * (outline.middle[other] - outline.middle[first])).sum(axis=1)
     return np.asarray((towards > 0.0) & (turn < np.cos(np.deg2rad(_FLAT))))
 
 
@@ -133,15 +133,20 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
     points = np.concatenate([block.points for block in blocks.values()])
     number = np.split(_numbers(points), np.cumsum([len(block.points) for block in blocks.values()])[:-1])
     facets = [boundary_facets(block.cells, block.element) for block in blocks.values()]
-    corners = [_corners(own, block) for own, block in zip(facets, blocks.values(), strict=True)]
-    covered = _covered([own[at] for own, at in zip(number, corners, strict=True)])
+    corners = [
+        _corners(block_facets, block) for block_facets, block in zip(facets, blocks.values(), strict=True)
+    ]
+    covered = _covered([block_facets[at] for block_facets, at in zip(number, corners, strict=True)])
     stiffness = list(dict.fromkeys((block.material.E, block.material.nu) for block in blocks.values()))
     rows = []
     for k, (name, block) in enumerate(blocks.items()):
         held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
         free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
         material = stiffness.index((block.material.E, block.material.nu))
-        rows += [_edge_rows(block, own, number[k], material) for _, own, _ in facets_by_kind(facets[k][free])]
+        rows += [
+            _edge_rows(block, block_facets, number[k], material)
+            for _, block_facets, _ in facets_by_kind(facets[k][free])
+        ]
     at = np.concatenate(number)
     merged = np.zeros((int(at.max()) + 1, 3))
     merged[at] = points
@@ -163,18 +168,21 @@ def _edge_rows(
     normal = area_vectors(block.points, facets).sum(axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     depth = facet_areas(block.points, facets)[:, None] * (2.0 if sides == 3 else 1.0) / length
-    spread = [np.repeat(one, sides, axis=0) for one in (normal, block.points[corners].mean(axis=1))]
+    spread = [np.repeat(values, sides, axis=0) for values in (normal, block.points[corners].mean(axis=1))]
     edges = np.sort(number[pairs.reshape(-1, 2)], axis=1)
     return edges, *spread, depth.ravel(), np.full(len(edges), material)
 
 
 def _covered(corners: list[Ints]) -> list[Bools]:
     """Block after block, True for boundary facets that coincide with one of another block."""
-    widest = max(own.shape[1] for own in corners)
-    padded = [np.pad(own, ((0, 0), (0, widest - own.shape[1])), mode="edge") for own in corners]
+    widest = max(block_corners.shape[1] for block_corners in corners)
+    padded = [
+        np.pad(block_corners, ((0, 0), (0, widest - block_corners.shape[1])), mode="edge")
+        for block_corners in corners
+    ]
     keys = row_numbers(facet_keys(np.concatenate(padded)))
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    return np.split(counts[inverse] > 1, np.cumsum([len(own) for own in corners])[:-1])
+    return np.split(counts[inverse] > 1, np.cumsum([len(block_corners) for block_corners in corners])[:-1])
 
 
 def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -> Bools:

@@ -46,7 +46,7 @@ _CUTS = {  # corners above the plane, of four from low to high -> triangles of p
 _UPRIGHT = 0.99  # cosine beyond which a normal is taken to be along an axis
 
 
-def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block], place: str) -> Section:
+def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block], location: str) -> Section:
     """Find the step, the axes and the shape of a section.
 
     Raises
@@ -56,11 +56,13 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     """
     chosen = {key: blocks[key] for key in (blocks if config.blocks == "all" else config.blocks)}
     if not chosen:
-        raise ConfigError(f"{place}.blocks: names no block; name those that the plane cuts, or write all")
-    axes, point = _axes(np.array(config.normal), place), np.array(config.point)
+        raise ConfigError(f"{location}.blocks: names no block; name those that the plane cuts, or write all")
+    axes, point = _axes(np.array(config.normal), location), np.array(config.point)
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
-    levels = _levels(chosen, height, place)
-    step, arm = ({key: _above(own, levels, degree) for key, own in height.items()} for degree in (0, 1))
+    levels = _levels(chosen, height, location)
+    step, arm = (
+        {key: _above(heights, levels, degree) for key, heights in height.items()} for degree in (0, 1)
+    )
     triangles = _cut(chosen, height, _aside(height))
     area, centroid, second = _shape(triangles)
     sides = _sides(triangles.reshape(-1, 3), axes, centroid)
@@ -81,13 +83,15 @@ def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> F
     whole, above = np.zeros((2, len(height)))
     cut = np.zeros(len(height), dtype=bool)
     for corners, size in _facet_triangles(joint.face, blocks):
-        own = height[corners]
+        heights = height[corners]
         whole[corners] += size / 3.0
-        cut[corners] |= own.min() <= aside < own.max()
-        for part in below(np.eye(3), aside - own) if own.max() > aside else ():  # in barycentric coordinates
-            above[corners] += size * abs(np.linalg.det(part)) * part.mean(axis=0)
-    beside = cut[joint.corner]
-    step[beside] = (above / np.maximum(whole, 1e-300))[joint.corner[beside]]
+        cut[corners] |= heights.min() <= aside < heights.max()
+        for triangle in (
+            below(np.eye(3), aside - heights) if heights.max() > aside else ()
+        ):  # in barycentric coordinates
+            above[corners] += size * abs(np.linalg.det(triangle)) * triangle.mean(axis=0)
+    areas = cut[joint.corner]
+    step[areas] = (above / np.maximum(whole, 1e-300))[joint.corner[areas]]
     return step
 
 
@@ -112,11 +116,11 @@ def _aside(height: Mapping[str, Floats]) -> float:
     return aside if whole.max() > aside else -aside
 
 
-def _axes(normal: Floats, place: str) -> Floats:
+def _axes(normal: Floats, location: str) -> Floats:
     """Normal, and two axes in the plane: the first as near as can be to x, or to y where the normal is x."""
     length = float(np.linalg.norm(normal))
     if length == 0.0:
-        raise ConfigError(f"{place}.normal: must have a length, got 0, 0, 0; for example [0, 0, 1]")
+        raise ConfigError(f"{location}.normal: must have a length, got 0, 0, 0; for example [0, 0, 1]")
     normal = normal / length
     first = np.eye(3)[1 if abs(normal[0]) > _UPRIGHT else 0]
     first = first - (first @ normal) * normal
@@ -124,7 +128,7 @@ def _axes(normal: Floats, place: str) -> Floats:
     return np.stack([normal, first, np.cross(normal, first)])
 
 
-def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: str) -> Floats:
+def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location: str) -> Floats:
     """Up to five levels of corner nodes around the plane, above it, between kinks of the area [m]."""
     corners = {key: height[key][b.cells[:, : frame(b.element).corners]] for key, b in blocks.items()}
     low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
@@ -133,7 +137,8 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], place: st
     met = (bottom <= on) & (top >= -on)
     if not met.any():
         raise ConfigError(
-            f"{place}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to {high:.6g} "
+            f"{location}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to "
+            f"{high:.6g} "
             "m along the normal from `point`; move `point`, or name the blocks that it cuts"
         )
     size = _APART * float(np.median((top - bottom)[met]))
@@ -169,8 +174,8 @@ def _between_kinks(levels: Floats, kinks: Bools, on: float) -> tuple[int, int]:
 def _is_kink(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float, size: float) -> bool:
     """Tell whether the blocks' area changes its slope, or itself, at a level within them."""
     near = _NEAR * size
-    low, own, high = (_areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near))
-    return min(low, high) > 0.0 and abs(low - 2.0 * own + high) * size > _KINK * own * near
+    low, here, high = (_areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near))
+    return min(low, high) > 0.0 and abs(low - 2.0 * here + high) * size > _KINK * here * near
 
 
 def _spaced(levels: Floats, size: float) -> Floats:
@@ -192,7 +197,7 @@ def _above(height: Floats, levels: Floats, degree: int) -> Floats:
     xi, weight = np.polynomial.legendre.leggauss(_WINDOWS)
     half = 0.5 * np.diff(levels)[:, None]
     s, w = (half * xi + levels[:-1, None] + half).ravel(), (half * weight).ravel()
-    hats = np.stack([np.interp(s, levels, one) for one in np.eye(len(levels))], axis=1)
+    hats = np.stack([np.interp(s, levels, hat) for hat in np.eye(len(levels))], axis=1)
     top = levels[-1]
     values = np.zeros(len(levels))
     values[-1] = top**degree
@@ -221,14 +226,14 @@ def _triangles(block: Block, height: Floats) -> Floats:
     tets = cells[:, _TETRAHEDRA[cells.shape[1]]].reshape(-1, 4)
     tets = np.take_along_axis(tets, np.argsort(height[tets], axis=1), axis=1)
     above = (height[tets] > 0.0).sum(axis=1)
-    found = [np.zeros((0, 3, 3))]
+    triangles = [np.zeros((0, 3, 3))]
     for count, edges in _CUTS.items():
         ends = tets[above == count][:, np.array(edges)]  # (tets, triangles, 3, 2)
         low, high = height[ends[..., 0]], height[ends[..., 1]]
         share = (low / (low - high))[..., None]
         points = (1.0 - share) * block.points[ends[..., 0]] + share * block.points[ends[..., 1]]
-        found.append(points.reshape(-1, 3, 3))
-    return np.concatenate(found)
+        triangles.append(points.reshape(-1, 3, 3))
+    return np.concatenate(triangles)
 
 
 def _shape(triangles: Floats) -> tuple[float, Floats, Floats]:

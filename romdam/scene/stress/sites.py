@@ -33,12 +33,12 @@ class Structure:
     fixed: dict[str, Bools]
 
 
-def stress_sites(config: StressConfig | None, structure: Structure, place: str) -> StressSites | None:
+def stress_sites(config: StressConfig | None, structure: Structure, location: str) -> StressSites | None:
     """Find the nodes where stress is wanted.
 
     Parameters
     ----------
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -51,18 +51,18 @@ def stress_sites(config: StressConfig | None, structure: Structure, place: str) 
     whole = list(blocks) if config.blocks == "all" else list(config.blocks)
     faces = [
         (face.block, _face_name(face.block, face.face), select_facets(blocks[face.block], face.face, at))
-        for face, at in ((f, f"{place}.faces[{k}].face") for k, f in enumerate(config.faces))
+        for face, at in ((f, f"{location}.faces[{k}].face") for k, f in enumerate(config.faces))
     ]
     names = [name for _, name, _ in faces]
     for name in names:
         if names.count(name) > 1:
-            raise ConfigError(f"{place}.faces: face {name} is given {names.count(name)} times, limit 1")
+            raise ConfigError(f"{location}.faces: face {name} is given {names.count(name)} times, limit 1")
     probes = {
-        name: (p.block, nearest_node(blocks[p.block], p.at, p.tolerance, f"{place}.nodes.{name}.at"))
+        name: (p.block, nearest_node(blocks[p.block], p.at, p.tolerance, f"{location}.nodes.{name}.at"))
         for name, p in config.nodes.items()
     }
     sections = tuple(
-        build_section(name, section, blocks, f"{place}.sections.{name}")
+        build_section(name, section, blocks, f"{location}.sections.{name}")
         for name, section in config.sections.items()
     )
     sites = {}
@@ -71,17 +71,19 @@ def stress_sites(config: StressConfig | None, structure: Structure, place: str) 
         wanted += [facets.ravel() for owner, _, facets in faces if owner == name]
         wanted += [np.array([node]) for owner, node in probes.values() if owner == name]
         if wanted or any(name in section.step for section in sections):
-            own = [facets for owner, _, facets in faces if owner == name]
-            sites[name] = _with_axes(block, np.unique(np.concatenate([_NO_NODES, *wanted])), own, joints)
-    made = StressSites(
+            block_facets = [facets for owner, _, facets in faces if owner == name]
+            sites[name] = _with_axes(
+                block, np.unique(np.concatenate([_NO_NODES, *wanted])), block_facets, joints
+            )
+    stress = StressSites(
         blocks=_with_rings(sites, structure, config.ring),
         faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
         sections=sections,
     )
-    _say_rings(made, place)
-    return made
+    _say_rings(stress, location)
+    return stress
 
 
 def _with_rings(
@@ -92,22 +94,22 @@ def _with_rings(
     )
     radius = depth if ring.edges is None else np.full(len(depth), ring.edges)
     rings = {}
-    for name, own in sites.items():
+    for name, nodes in sites.items():
         block, joints = structure.blocks[name], structure.joints.values()
-        rings[name] = near_edges(block.points[own.nodes], ends, radius)
+        rings[name] = near_edges(block.points[nodes.nodes], ends, radius)
         held = np.asarray(structure.fixed[name].any(axis=1))
-        rings[name] |= near_contacts(block, own.nodes, joints, held, ring.contacts)
-    return {name: replace(own, ring=rings[name]) for name, own in sites.items()}
+        rings[name] |= near_contacts(block, nodes.nodes, joints, held, ring.contacts)
+    return {name: replace(nodes, ring=rings[name]) for name, nodes in sites.items()}
 
 
-def _say_rings(sites: StressSites, place: str) -> None:
+def _say_rings(sites: StressSites, location: str) -> None:
     shares = zip(sites.faces, sites.ring_shares, strict=True)
     mostly = [f"{face.name} ({100 * share:.3g} %)" for face, share in shares if share > MOST_RING]
     if mostly:
         _log.warning(
             "%s.ring: it leaves out more than %g %% of the area of %s, so that no acceptance is stated "
             "there; refine the mesh, or give ring.edges a smaller length",
-            place, 100 * MOST_RING, ", ".join(mostly),
+            location, 100 * MOST_RING, ", ".join(mostly),
         )  # fmt: skip
 
 

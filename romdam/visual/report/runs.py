@@ -11,7 +11,7 @@ import xarray as xr
 from romdam.postprocess.extremes import worst_runs
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
-from romdam.results.suite.rows import Place
+from romdam.results.suite.rows import RunIndex
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
     Cell,
@@ -39,7 +39,7 @@ class _Column:
     """A column of a table of runs: its head, the cell of the run at a place, the response that it shows."""
 
     head: str
-    cell: Callable[[Place], Value]
+    cell: Callable[[RunIndex], Value]
     name: str = ""
 
 
@@ -89,7 +89,7 @@ def _beyond(subject: Subject, worst: xr.Dataset) -> str:
     )
 
 
-def label(summary: xr.Dataset, at: Place) -> str:
+def label(summary: xr.Dataset, at: RunIndex) -> str:
     """A run in words: its record, and of scale and parameters what varies, with its value."""
     words = [str(summary.record.values[at[0]])]
     if summary.sizes["scale"] > 1:
@@ -102,7 +102,7 @@ def label(summary: xr.Dataset, at: Place) -> str:
     return words[0] + ("\n" + ", ".join(words[1:]) if words[1:] else "")
 
 
-def _by_response(subject: Subject) -> list[Place]:
+def _by_response(subject: Subject) -> list[RunIndex]:
     """Places of all runs: the largest response first, those that failed last."""
     summary = subject.summary
     shape = tuple(summary.sizes[dim] for dim in RUNS)
@@ -114,7 +114,7 @@ def _by_response(subject: Subject) -> list[Place]:
     return list(zip(i.tolist(), k.tolist(), s.tolist(), strict=True))
 
 
-def _table(columns: Sequence[_Column], places: Sequence[Place]) -> tuple[list[str], list[list[Value]]]:
+def _table(columns: Sequence[_Column], places: Sequence[RunIndex]) -> tuple[list[str], list[list[Value]]]:
     return [column.head for column in columns], [[column.cell(at) for column in columns] for at in places]
 
 
@@ -146,7 +146,7 @@ def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
     dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
     numbers = factor * values.transpose(*(RUNS[k] for k in dims)).values.astype(float)
 
-    def cell(at: Place) -> Cell:
+    def cell(at: RunIndex) -> Cell:
         return cell_of(float(numbers[tuple(at[k] for k in dims)]))
 
     return _Column(f"{title} [{unit}]" if unit else title, cell, name)

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.responses import RUNS
-from romdam.results.suite.rows import Place
+from romdam.results.suite.rows import RunIndex
 from romdam.visual.suite_plots import unit_text
 
 _NOT_RESPONSES = (
@@ -65,7 +65,7 @@ class Subject:
     topic: Topic
     spectra: xr.Dataset | None = None
     picture: bytes | None = None
-    files: Mapping[Place, Sequence[tuple[str, str]]] = field(default_factory=dict)
+    files: Mapping[RunIndex, Sequence[tuple[str, str]]] = field(default_factory=dict)
 
     @property
     def response(self) -> str:

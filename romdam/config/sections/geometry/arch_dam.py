@@ -228,9 +228,9 @@ class ArchDamConfig(Model):
     @property
     def materials(self) -> dict[str, str]:
         """Key of every material named, below `arch_dam`, and its name."""
-        found = {"material": self.material}
+        names = {"material": self.material}
         if self.perimeter:
-            found["perimeter.material"] = self.perimeter.material
+            names["perimeter.material"] = self.perimeter.material
         for name, zone in self.rock.zones.items() if self.rock else ():
-            found[f"rock.zones.{name}.material"] = zone.material
-        return found
+            names[f"rock.zones.{name}.material"] = zone.material
+        return names

@@ -70,7 +70,7 @@ class CutSurfaceConfig(Model):
 
     @model_validator(mode="after")
     def _one_surface(self) -> Self:
-        if sum(one is not None for one in (self.plane, self.cylinder, self.surface)) != 1:
+        if sum(surface is not None for surface in (self.plane, self.cylinder, self.surface)) != 1:
             raise ValueError("give exactly one of `plane`, `cylinder` and `surface`")
         return self
 
@@ -148,9 +148,9 @@ def refuse_wrong_cuts(cuts: dict[str, CutConfig], blocks: Collection[str], other
 def _every_name(name: str, cuts: dict[str, CutConfig]) -> list[str]:
     """A block and all blocks that cuts make of it, those cut again among them."""
     inner = cuts[name].into if name in cuts else ()
-    return [name, *(one for piece in inner for one in _every_name(piece, cuts))]
+    return [name, *(piece_name for piece in inner for piece_name in _every_name(piece, cuts))]
 
 
 def pieces_of(name: str, cuts: dict[str, CutConfig]) -> tuple[str, ...]:
     """The blocks that a block becomes; itself where nothing cuts it."""
-    return tuple(one for one in _every_name(name, cuts) if one not in cuts)
+    return tuple(piece for piece in _every_name(name, cuts) if piece not in cuts)

@@ -280,9 +280,9 @@ class GravityDamConfig(Model):
     def slices(self) -> dict[str, float]:
         """Slices of rock from left to right, "left", "1", ..., "right", and their ground's elevation [m]."""
         left, right = (self.rock and self.rock.banks) or (self.bases[0], self.bases[-1])
-        found = {"left": left} if self.rock and self.rock.left else {}
-        found |= {str(k): base for k, base in enumerate(self.bases, start=1)}
-        return found | ({"right": right} if self.rock and self.rock.right else {})
+        slices = {"left": left} if self.rock and self.rock.left else {}
+        slices |= {str(k): base for k, base in enumerate(self.bases, start=1)}
+        return slices | ({"right": right} if self.rock and self.rock.right else {})
 
     @property
     def monolith_names(self) -> tuple[str, ...]:
@@ -298,32 +298,32 @@ class GravityDamConfig(Model):
     @property
     def _kinds(self) -> dict[str, tuple[Kind | None, tuple[str, str]]]:
         """Every joint, tied or not: what it does and its blocks."""
-        found: dict[str, tuple[Kind | None, tuple[str, str]]] = {}
-        for k, own in ((k, self._lifts_of(k)) for k in range(1, len(self.monoliths) + 1)):
+        kinds: dict[str, tuple[Kind | None, tuple[str, str]]] = {}
+        for k, lifts in ((k, self._lifts_of(k)) for k in range(1, len(self.monoliths) + 1)):
             if self.rock:
-                found[f"base_{k}"] = self.joints.base, (f"rock_{k}", self.monolith(k, own[0]))
-                found |= self._steps(k, own)
-            for low, high in pairwise(own):
+                kinds[f"base_{k}"] = self.joints.base, (f"rock_{k}", self.monolith(k, lifts[0]))
+                kinds |= self._steps(k, lifts)
+            for low, high in pairwise(lifts):
                 pair = self.monolith(k, low), self.monolith(k, high)
-                found[f"lift_{k}_{low}"] = self.joints.lift, pair
-            for lift in own if k < len(self.monoliths) else ():
+                kinds[f"lift_{k}_{low}"] = self.joints.lift, pair
+            for lift in lifts if k < len(self.monoliths) else ():
                 if lift in self._lifts_of(k + 1):
                     pair = self.monolith(k, lift), self.monolith(k + 1, lift)
-                    found[self._of_lift(f"contraction_{k}_{k + 1}", lift)] = self.joints.contraction, pair
-        return found
+                    kinds[self._of_lift(f"contraction_{k}_{k + 1}", lift)] = self.joints.contraction, pair
+        return kinds
 
-    def _steps(self, k: int, own: list[int]) -> dict[str, tuple[Kind | None, tuple[str, str]]]:
+    def _steps(self, k: int, lifts: list[int]) -> dict[str, tuple[Kind | None, tuple[str, str]]]:
         """Joints of a monolith's sides with rock below its neighbours, or beside the dam, that is higher."""
         order = list(self.slices)
         at = order.index(str(k))
-        beside = [*order[max(at - 1, 0) : at], *order[at + 1 : at + 2]]
+        neighbours = [*order[max(at - 1, 0) : at], *order[at + 1 : at + 2]]
         return {
             self._of_lift(f"step_{k}_{name}", lift): (
                 self.joints.base,
                 (f"rock_{name}", self.monolith(k, lift)),
             )
-            for name in beside
-            for lift in own
+            for name in neighbours
+            for lift in lifts
             if self.slices[name] > max(self.bases[k - 1], self.lift_range[lift - 1][0])
         }
 

@@ -71,10 +71,10 @@ def unit_in_si(unit: str) -> float:
     text = aliases.get(unit.strip().lower(), unit.strip())
     if text.lower() in ("count", "counts"):
         raise ValueError('counts are no acceleration; give what one count is, such as "4.7e-6 m/s2"')
-    found = to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
-    if found <= 0.0:
+    factor = to_si(f"1 {text}" if _BARE_UNIT.match(text) else text, "m/s^2")
+    if factor <= 0.0:
         raise ValueError(f"one unit must be greater than 0, got {unit!r}; `reverse: true` turns a component")
-    return found
+    return factor
 
 
 class ComponentConfig(Model):
@@ -142,8 +142,8 @@ class ScaleConfig(Model):
 
     @model_validator(mode="after")
     def _one_target(self) -> Self:
-        given, wanted = self.model_fields_set, [self.factor, self.pga, self.sa, self.to]
-        if wanted.count(None) != 3 and (wanted.count(None) != 4 or not given & {"x", "y", "z"}):
+        set_keys, wanted = self.model_fields_set, [self.factor, self.pga, self.sa, self.to]
+        if wanted.count(None) != 3 and (wanted.count(None) != 4 or not set_keys & {"x", "y", "z"}):
             raise ValueError("give exactly one of `factor`, `pga`, `sa` and `to: target`, or `x`, `y`, `z`")
         if (self.sa is None) != (self.period is None):
             raise ValueError("`sa` and `period` belong together")
@@ -250,7 +250,7 @@ class RecordConfig(Model):
     @classmethod
     def _codes(cls, value: object) -> object:
         """Codes of channels are words, also where YAML reads a number."""
-        return {str(key): one for key, one in value.items()} if isinstance(value, dict) else value
+        return {str(key): azimuth for key, azimuth in value.items()} if isinstance(value, dict) else value
 
     @field_validator("keep")
     @classmethod
@@ -273,8 +273,8 @@ class RecordConfig(Model):
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         by_component = any(c.file for c in self.components.values())
-        given = [self.file, self.files, self.manifest, self.suite].count(None)
-        if given != (4 if by_component else 3):
+        missing = [self.file, self.files, self.manifest, self.suite].count(None)
+        if missing != (4 if by_component else 3):
             raise ValueError(
                 "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
             )
@@ -347,15 +347,15 @@ def read_row(
     if not isinstance(row, dict) or not row.get("file"):
         raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {quote(row)}")
     _refuse_misplaced(path, number, row)
-    own = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
+    keys = {key: value for key, value in row.items() if key in _ROW_KEYS and value not in (None, "")}
     other = {
         key: str(value) for key, value in row.items() if key not in _ROW_KEYS and value not in (None, "")
     }
     try:
-        return RecordConfig.model_validate(base | own), dict[str, object](other)
+        return RecordConfig.model_validate(base | keys), dict[str, object](other)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
+        where = ".".join(str(word) for word in first["loc"])
         message = first["msg"].removeprefix("Value error, ")
         raise ConfigError(f"{path}: record {number} ({row['file']}): {where}: {message}") from None
 

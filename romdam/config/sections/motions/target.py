@@ -62,14 +62,14 @@ class Eurocode8Spectrum(Model):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        tables, own = (self.type, self.ground), (self.S, self.TB, self.TC, self.TD)
+        tables, constants = (self.type, self.ground), (self.S, self.TB, self.TC, self.TD)
         if (
-            (None in tables) == (None in own)
-            or (None in own and any(own))
+            (None in tables) == (None in constants)
+            or (None in constants and any(constants))
             or (None in tables and any(tables))
         ):
             raise ValueError("give `type` and `ground`, or all of `S`, `TB`, `TC` and `TD`")
-        if None not in own and not self.TB < self.TC < self.TD:  # type: ignore[operator]
+        if None not in constants and not self.TB < self.TC < self.TD:  # type: ignore[operator]
             raise ValueError(f"TB, TC, TD must rise, got {self.TB:g}, {self.TC:g} and {self.TD:g} s")
         return self
 
@@ -100,9 +100,9 @@ class SpectrumConfig(Model):
             raise ValueError("give exactly one of `points`, `table`, `asce7` and `eurocode8`")
         if (self.table is None) != (self.unit is None):
             raise ValueError("`table` and `unit` (of its spectral acceleration, such as g) belong together")
-        for one, other in itertools.pairwise(period for period, _ in self.points or ()):
-            if other <= one:
-                raise ValueError(f"points: periods must rise, {other:g} s comes after {one:g} s")
+        for period_before, other in itertools.pairwise(period for period, _ in self.points or ()):
+            if other <= period_before:
+                raise ValueError(f"points: periods must rise, {other:g} s comes after {period_before:g} s")
         return self
 
 

@@ -59,7 +59,7 @@ _REFUSED = {  # what makes or moves nodes and elements in ways that are not foll
 class _Deck:
     """Content read so far; numbers are the file's own until the end."""
 
-    place: str
+    location: str
     tags: list[int] = field(default_factory=list)
     points: list[list[float]] = field(default_factory=list)
     blocks: list[tuple[Cell, list[list[int]]]] = field(default_factory=list)  # number and nodes
@@ -71,7 +71,7 @@ class _Deck:
 
     def error(self, text: str) -> MeshError:
         """An error that names the file."""
-        return MeshError(f"{self.place}: {text}")
+        return MeshError(f"{self.location}: {text}")
 
     def name(self, kind: str, label: str) -> str:
         """The spelling in which a set was named first; Abaqus does not tell cases apart."""
@@ -79,7 +79,7 @@ class _Deck:
         return next((other for other in known if other.upper() == label.upper()), label)
 
 
-def read_abaqus(path: Path, place: str) -> MeshFile:
+def read_abaqus(path: Path, location: str) -> MeshFile:
     """Read an Abaqus mesh and the files it includes, its instances in their places.
 
     Element sets and surfaces become groups; the sides of every surface are appended as facets, with element
@@ -91,14 +91,14 @@ def read_abaqus(path: Path, place: str) -> MeshFile:
         for unsupported solids, nodes and elements that are generated, unknown members
         of sets, and lines that are no numbers.
     """
-    deck, renumbered = _Deck(f"{place}: {path}"), []  # type: _Deck, list[str]
+    deck, renumbered = _Deck(f"{location}: {path}"), []  # type: _Deck, list[str]
     try:
         for keyword, options, lines in flat(_keywords(_lines(deck, path, ())), renumbered):
             _read(deck, keyword, options, lines)
     except ValueError as error:
-        raise cannot_be_read(deck.place, "abaqus", str(error)) from None
+        raise cannot_be_read(deck.location, "abaqus", str(error)) from None
     if not deck.tags:
-        raise cannot_be_read(deck.place, "abaqus", "no *NODE block")
+        raise cannot_be_read(deck.location, "abaqus", "no *NODE block")
     mesh = _finish(deck)
     ids = () if renumbered else missing_ids([c for c in mesh.cells if c.ids.min() > 0])  # no surface's sides
     return replace(mesh, remarks=(*mesh.remarks, *renumbered, *ids))
@@ -286,9 +286,10 @@ def _finish(deck: _Deck) -> MeshFile:
     members = {name: _members(deck, "ELSET", name, known, bool(deck.others)) for name in deck.sets["ELSET"]}
     for name, sides in deck.surfaces.items():
         cells += _surface_cells(deck, sides, name, members, cells)
-    mesh = checked_mesh(tags, np.array(deck.points), cells, deck.place)
+    mesh = checked_mesh(tags, np.array(deck.points), cells, deck.location)
     groups: Groups = {
-        name: [np.flatnonzero(np.isin(c.ids, own)) for c in cells] for name, own in members.items()
+        name: [np.flatnonzero(np.isin(c.ids, member_ids)) for c in cells]
+        for name, member_ids in members.items()
     }
     order = np.argsort(tags)
     node_sets = {
@@ -300,9 +301,9 @@ def _finish(deck: _Deck) -> MeshFile:
 
 def _left_out(deck: _Deck) -> list[str]:
     listed = ", ".join(f"{count} {kind}" for kind, count in sorted(deck.others.items()))
-    found = [f"elements that are neither solids nor shells are left out ({listed})"] if deck.others else []
+    remarks = [f"elements that are neither solids nor shells are left out ({listed})"] if deck.others else []
     short = f"{deck.short} nodes have fewer than three coordinates, the others are read as 0"
-    return [*found, short] if deck.short else found
+    return [*remarks, short] if deck.short else remarks
 
 
 def _members(
@@ -314,7 +315,7 @@ def _members(
     above: tuple[str, ...] = (),
 ) -> Ints:
     """Numbers of a set, the sets that it names resolved."""
-    found: list[Ints] = [np.zeros(0, np.int64)]
+    members_of: list[Ints] = [np.zeros(0, np.int64)]
     single: list[str] = []
     what = f"*{kind} {name}"
     for entry in deck.sets[kind][name]:
@@ -326,17 +327,17 @@ def _members(
             inside = known[kind][
                 np.searchsorted(known[kind], first) : np.searchsorted(known[kind], last, "right")
             ]
-            own = inside[(inside - first) % step == 0]
-            _refuse_lost(deck, what, (last - first) // step + 1 - len(own), lenient)
-            found.append(own)
+            members_inside = inside[(inside - first) % step == 0]
+            _refuse_lost(deck, what, (last - first) // step + 1 - len(members_inside), lenient)
+            members_of.append(members_inside)
         elif other in deck.sets[kind] and other not in (*above, name):
-            found.append(_members(deck, kind, other, known, lenient, (*above, name)))
+            members_of.append(_members(deck, kind, other, known, lenient, (*above, name)))
         else:
             single += entry
     numbers = np.array(_numbers(deck, single, what), dtype=np.int64)
     there = np.isin(numbers, known[kind])
     _refuse_lost(deck, what, int((~there).sum()), lenient)
-    return np.unique(np.concatenate([*found, numbers[there]]))
+    return np.unique(np.concatenate([*members_of, numbers[there]]))
 
 
 def _refuse_lost(deck: _Deck, what: str, lost: int, lenient: bool) -> None:
@@ -350,7 +351,7 @@ def _surface_cells(
     deck: _Deck, sides: list[tuple[str, int]], name: str, members: dict[str, Ints], solids: list[Cells]
 ) -> list[Cells]:
     """The facets of a surface; they get numbers below zero and join the set of its name."""
-    found: dict[str, list[Ints]] = {"triangle": [], "quad": []}
+    facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
     for of, side in sides:
         label = deck.name("ELSET", of)
         wanted = members[label] if label in members else np.array(_numbers(deck, [of], f"*SURFACE {name}"))
@@ -359,13 +360,13 @@ def _surface_cells(
             corners = _SIDES.get(block.kind, ())
             if side <= len(corners):
                 rows = block.nodes[np.isin(block.ids, wanted)][:, list(corners[side - 1])]
-                found["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
+                facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
                 count += len(rows)
         if count < len(wanted):
             raise deck.error(f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist")
     first = min(0, *(int(m.min(initial=0)) for m in members.values())) - 1 if members else -1
     cells = []
-    for kind, parts in found.items():
+    for kind, parts in facets_of.items():
         table = np.concatenate(parts) if parts else np.zeros((0, 1), np.int64)
         if len(table):
             ids = first - np.arange(len(table))

@@ -95,27 +95,27 @@ def flat(keywords: Iterator[Keyword], remarks: list[str]) -> Iterator[Keyword]:
         yield from every
         return
     parts: dict[str, list[Keyword]] = {}
-    made: dict[str, Instance] = {}
+    instances: dict[str, Instance] = {}
     step = 10 ** len(str(_largest(every)))
-    own: list[Keyword] | None = None  # of the part or instance that is being read
+    keywords_of: list[Keyword] | None = None  # of the part or instance that is being read
     for keyword in every:
         name, options, lines = keyword
         if name == "PART":
-            own = parts.setdefault(options.get("NAME", "").upper(), [])
+            keywords_of = parts.setdefault(options.get("NAME", "").upper(), [])
         elif name == "INSTANCE":
             label = options.get("NAME", "")
-            own = [*_part(parts, options)]
-            made[label.upper()] = _placed(label if count > 1 else "", lines, step * len(made))
-        elif name == "END INSTANCE" and own is not None and made:
-            yield from map(list(made.values())[-1].keyword, own)
-            own = None
+            keywords_of = [*_part(parts, options)]
+            instances[label.upper()] = _placed(label if count > 1 else "", lines, step * len(instances))
+        elif name == "END INSTANCE" and keywords_of is not None and instances:
+            yield from map(list(instances.values())[-1].keyword, keywords_of)
+            keywords_of = None
         elif name == "END PART":
-            own = None
-        elif own is not None:
-            own.append(keyword)
+            keywords_of = None
+        elif keywords_of is not None:
+            keywords_of.append(keyword)
         else:
-            yield _in_assembly(keyword, made)
-    if own is not None:
+            yield _in_assembly(keyword, instances)
+    if keywords_of is not None:
         raise ValueError("its last *PART or *INSTANCE has no end: the file was cut")
     if count > 1:
         remarks.append(f"it has {count} instances: numbers of the second are raised by {step}, and so on")
@@ -161,16 +161,16 @@ def _rotation(axis: Floats, angle: float) -> Floats:
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
 
 
-def _in_assembly(keyword: Keyword, made: dict[str, Instance]) -> Keyword:
+def _in_assembly(keyword: Keyword, instances: dict[str, Instance]) -> Keyword:
     """Sets of the assembly, whose members are an instance's by `instance=` or by its name and a dot."""
     name, options, lines = keyword
     if name not in _SETS:
         return keyword
-    if (of := options.get("INSTANCE", "").upper()) in made:
-        return name, options, [made[of].members(name, options, line) for line in lines]
-    return name, options, [[_qualified(word, made) for word in line] for line in lines]
+    if (of := options.get("INSTANCE", "").upper()) in instances:
+        return name, options, [instances[of].members(name, options, line) for line in lines]
+    return name, options, [[_qualified(word, instances) for word in line] for line in lines]
 
 
-def _qualified(word: str, made: dict[str, Instance]) -> str:
+def _qualified(word: str, instances: dict[str, Instance]) -> str:
     of, dot, label = word.partition(".")
-    return made[of.upper()].word(label) if dot and of.upper() in made else word
+    return instances[of.upper()].word(label) if dot and of.upper() in instances else word

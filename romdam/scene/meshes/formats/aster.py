@@ -60,10 +60,10 @@ class _Names:
 
     def take_own(self) -> None:
         """Take the names' own numbers, as 12 of N12, where they are different."""
-        own = [re.fullmatch(r"\D*(\d{1,17})", name) for name in self.numbers]
-        if all(own) and len({int(match[1]) for match in own if match}) == len(own):
+        matches = [re.fullmatch(r"\D*(\d{1,17})", name) for name in self.numbers]
+        if all(matches) and len({int(match[1]) for match in matches if match}) == len(matches):
             self.numbers = {
-                name: int(match[1]) for name, match in zip(self.numbers, own, strict=True) if match
+                name: int(match[1]) for name, match in zip(self.numbers, matches, strict=True) if match
             }
 
     def of(self, names: list[str], what: str) -> Ints:
@@ -74,7 +74,7 @@ class _Names:
         return np.array([self.numbers[name] for name in names], dtype=np.int64)
 
 
-def read_aster(path: Path, place: str) -> MeshFile:
+def read_aster(path: Path, location: str) -> MeshFile:
     """Read a .mail file; GROUP_MA and GROUP_NO by name.
 
     Raises
@@ -82,7 +82,7 @@ def read_aster(path: Path, place: str) -> MeshFile:
     MeshError
         for sections without FINSF, files without FIN, unknown elements, and members that are not given.
     """
-    place = f"{place}: {path}"
+    location = f"{location}: {path}"
     try:
         sections = list(_sections(file_text(path).split("\n")))
         nodes, elements = _Names(), _Names()
@@ -90,13 +90,13 @@ def read_aster(path: Path, place: str) -> MeshFile:
         cells = [
             block for s in sections if _ELEMENT.fullmatch(s.keyword) for block in _cells(s, nodes, elements)
         ]
-        made = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, place)
+        mesh = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, location)
         groups, node_sets = by_number(
-            made, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
+            mesh, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
         )
     except ValueError as error:
-        raise cannot_be_read(place, ".mail", str(error)) from None
-    return replace(made, groups=groups, node_sets=node_sets)
+        raise cannot_be_read(location, ".mail", str(error)) from None
+    return replace(mesh, groups=groups, node_sets=node_sets)
 
 
 def _sections(lines: list[str]) -> Iterator[_Section]:
@@ -165,12 +165,12 @@ def _cells(section: _Section, nodes: _Names, elements: _Names) -> Iterator[Cells
 
 
 def _members(sections: list[_Section], keyword: str, names: _Names) -> dict[str, Ints]:
-    found: dict[str, Ints] = {}
+    members_of: dict[str, Ints] = {}
     for section in sections:
         if section.keyword == keyword:
             words = section.words if section.name else section.words[1:]
             name = section.name or (section.words or [""])[0]
-            if name in found:
+            if name in members_of:
                 raise ValueError(f"{keyword} {quote(name)} is given twice")
-            found[name] = names.of(words, f"{keyword} {name}")
-    return found
+            members_of[name] = names.of(words, f"{keyword} {name}")
+    return members_of

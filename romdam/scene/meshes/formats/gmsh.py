@@ -26,7 +26,7 @@ _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
 @dataclass
-class _Found:
+class _Content:
     """Content read so far."""
 
     tags: list[Ints] = field(default_factory=list)
@@ -41,7 +41,7 @@ class _Found:
     seen: set[str] = field(default_factory=set)
 
 
-def read_gmsh(path: Path, place: str) -> MeshFile:
+def read_gmsh(path: Path, location: str) -> MeshFile:
     """Read a .msh file.
 
     Raises
@@ -49,22 +49,22 @@ def read_gmsh(path: Path, place: str) -> MeshFile:
     MeshError
         for what is damaged, of another version, partitioned, or contradicts itself.
     """
-    place = f"{place}: {path}"
+    location = f"{location}: {path}"
     try:
-        found = _sections(path.read_bytes())
+        content = _sections(path.read_bytes())
         mesh = checked_mesh(
-            np.concatenate([np.zeros(0, np.int64), *found.tags]),
-            np.vstack([np.zeros((0, 3)), *found.points]),
-            found.cells,
-            place,
+            np.concatenate([np.zeros(0, np.int64), *content.tags]),
+            np.vstack([np.zeros((0, 3)), *content.points]),
+            content.cells,
+            location,
         )
-        return _grouped(mesh, found)
+        return _grouped(mesh, content)
     except ValueError as error:
-        raise cannot_be_read(place, "gmsh", str(error)) from None
+        raise cannot_be_read(location, "gmsh", str(error)) from None
 
 
-def _sections(data: bytes) -> _Found:
-    found, at, layout, version = _Found(), 0, None, 0.0
+def _sections(data: bytes) -> _Content:
+    content, at, layout, version = _Content(), 0, None, 0.0
     while (at := _past_blanks(data, at)) < len(data):
         end = data.find(b"\n", at)
         end = len(data) if end < 0 else end
@@ -72,27 +72,27 @@ def _sections(data: bytes) -> _Found:
         name = head[1:].decode("latin-1")
         if not re.fullmatch(rb"\$[A-Za-z]+", head):
             raise ValueError(f"expected a section such as $Nodes, got {quote(head.decode('latin-1'))}")
-        if name in found.seen and name in ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements"):
+        if name in content.seen and name in ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements"):
             raise ValueError(f"${name} is given twice")
-        if not found.seen and name not in ("MeshFormat", "Comments"):
+        if not content.seen and name not in ("MeshFormat", "Comments"):
             raise ValueError("it does not begin with $MeshFormat")
-        found.seen.add(name)
+        content.seen.add(name)
         stop = data.find(b"\n$End" + name.encode(), end)
         if stop < 0:
             raise ValueError(f"${name} is not closed by $End{name}: the file was cut")
         if name == "MeshFormat":
             version, layout = _layout(data[end + 1 : stop])
         elif name == "PhysicalNames":
-            found.names = _physical_names(data[end + 1 : stop])
+            content.names = _physical_names(data[end + 1 : stop])
         elif name.startswith("Partitioned"):
             raise ValueError("it is partitioned; save the mesh before it is partitioned")
         elif reader := _READERS.get((name, version)):
-            stop = _read_section(data, (end + 1, stop), layout, name, reader, found)
+            stop = _read_section(data, (end + 1, stop), layout, name, reader, content)
         at = _past_end(data, stop, name)
     for name in ("Nodes", "Elements"):
-        if name not in found.seen:
+        if name not in content.seen:
             raise ValueError(f"it has no ${name}")
-    return found
+    return content
 
 
 def _past_blanks(data: bytes, at: int) -> int:
@@ -125,28 +125,28 @@ def _layout(body: bytes) -> tuple[float, Layout | None]:
     version = 4.1 if version > 4.0 else 2.2
     if not binary:
         return version, None
-    one = body.partition(b"\n")[2][:4]
-    if one not in (b"\1\0\0\0", b"\0\0\0\1"):
+    mark = body.partition(b"\n")[2][:4]
+    if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
         raise ValueError("its byte order cannot be told")
-    return version, Layout("<" if one[0] else ">", size)
+    return version, Layout("<" if mark[0] else ">", size)
 
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
     lines = [line for line in body.decode("utf-8", errors="replace").splitlines() if line.strip()]
-    found: dict[tuple[int, int], str] = {}
+    names: dict[tuple[int, int], str] = {}
     for line in lines[1:]:
         words = shlex.split(line)
-        if len(words) != 3 or (int(words[0]), int(words[1])) in found:
+        if len(words) != 3 or (int(words[0]), int(words[1])) in names:
             raise ValueError(
                 f"$PhysicalNames line {quote(line)} is no dimension, number and name, or a second"
             )
-        found[int(words[0]), int(words[1])] = words[2]
-    if not lines or int(lines[0]) != len(found):
-        raise ValueError(f"$PhysicalNames lists {len(found)} names, and says {quote((lines or [''])[0])}")
-    return found
+        names[int(words[0]), int(words[1])] = words[2]
+    if not lines or int(lines[0]) != len(names):
+        raise ValueError(f"$PhysicalNames lists {len(names)} names, and says {quote((lines or [''])[0])}")
+    return names
 
 
-Reader = Callable[[Numbers, _Found], None]
+Reader = Callable[[Numbers, _Content], None]
 
 
 def _read_section(
@@ -155,21 +155,21 @@ def _read_section(
     layout: Layout | None,
     name: str,
     reader: Reader,
-    found: _Found,
+    content: _Content,
 ) -> int:
     """Read one section; where it ends follows from its counts."""
     if layout is None:
         words = Words(data[slice(*limits)], name)
-        reader(words, found)
+        reader(words, content)
         words.refuse_rest()
         return limits[1]
     stream = Bytes(data, limits[0], name, layout)
-    reader(stream, found)
+    reader(stream, content)
     return stream.at
 
 
-def _entities(stream: Numbers, found: _Found) -> None:
-    found.entities = {}
+def _entities(stream: Numbers, content: _Content) -> None:
+    content.entities = {}
     for dim, count in enumerate(counts(stream, 4, "size")):
         for _ in range(count):
             (tag,) = counts(stream, 1)
@@ -177,54 +177,54 @@ def _entities(stream: Numbers, found: _Found) -> None:
             groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
             if dim:
                 stream.ints(counts(stream, 1, "size")[0], "int")
-            if (dim, tag) in found.entities:
+            if (dim, tag) in content.entities:
                 raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
-            found.entities[dim, tag] = groups
+            content.entities[dim, tag] = groups
 
 
-def _nodes_41(stream: Numbers, found: _Found) -> None:
+def _nodes_41(stream: Numbers, content: _Content) -> None:
     blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
         dim, _, parametric = counts(stream, 3)
         (count,) = counts(stream, 1, "size")
-        found.tags.append(stream.ints(count, "size"))
+        content.tags.append(stream.ints(count, "size"))
         width = 3 + (dim if parametric else 0)
-        found.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
-    _compare(sum(map(len, found.tags)), total, "Nodes")
+        content.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
+    _compare(sum(map(len, content.tags)), total, "Nodes")
 
 
-def _elements_41(stream: Numbers, found: _Found) -> None:
+def _elements_41(stream: Numbers, content: _Content) -> None:
     blocks, total, *_ = counts(stream, 4, "size")
     for _ in range(blocks):
         dim, tag, kind = counts(stream, 3)
         (count,) = counts(stream, 1, "size")
         size = _size(kind)
         rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
-        if found.entities is not None and (dim, tag) not in found.entities:
+        if content.entities is not None and (dim, tag) not in content.entities:
             raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
-        groups = (found.entities or {}).get((dim, tag), [])
-        _add(found, kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
-        if found.cells[-1].dim != dim:
+        groups = (content.entities or {}).get((dim, tag), [])
+        _add(content, kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
+        if content.cells[-1].dim != dim:
             raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
-    _compare(sum(len(c.ids) for c in found.cells), total, "Elements")
+    _compare(sum(len(c.ids) for c in content.cells), total, "Elements")
 
 
-def _nodes_22(stream: Numbers, found: _Found) -> None:
+def _nodes_22(stream: Numbers, content: _Content) -> None:
     if isinstance(stream, Bytes):
         count = stream.count_line()
         raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
-        found.tags.append(raw["tag"].astype(np.int64).reshape(count))
-        found.points.append(raw["x"].astype(float))
+        content.tags.append(raw["tag"].astype(np.int64).reshape(count))
+        content.points.append(raw["x"].astype(float))
         return
     (count,) = counts(stream, 1)
     rows = stream.floats(4 * count).reshape(count, 4)
-    found.tags.append(whole(rows[:, 0], "Nodes"))
-    found.points.append(rows[:, 1:])
+    content.tags.append(whole(rows[:, 0], "Nodes"))
+    content.points.append(rows[:, 1:])
 
 
-def _elements_22(stream: Numbers, found: _Found) -> None:
+def _elements_22(stream: Numbers, content: _Content) -> None:
     if isinstance(stream, Bytes):
-        _elements_22_binary(stream, found)
+        _elements_22_binary(stream, content)
         return
     assert isinstance(stream, Words)
     (total,) = counts(stream, 1)
@@ -243,38 +243,38 @@ def _elements_22(stream: Numbers, found: _Found) -> None:
     stream.ints(at - 1, "int")  # as many as there are
     for (kind, tags), firsts in starts.items():
         rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
-        _add_22(found, kind, np.delete(rows, [1, 2], axis=1), tags)
-    _refuse_mixed_entities(found)
+        _add_22(content, kind, np.delete(rows, [1, 2], axis=1), tags)
+    _refuse_mixed_entities(content)
 
 
-def _elements_22_binary(stream: Bytes, found: _Found) -> None:
+def _elements_22_binary(stream: Bytes, content: _Content) -> None:
     total, done = stream.count_line(), 0
     while done < total:
         kind, count, tags = counts(stream, 3)
         if count < 1 or tags < 0:
             raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
         width = 1 + tags + _size(kind)
-        _add_22(found, kind, stream.ints(count * width, "int").reshape(count, width), tags)
+        _add_22(content, kind, stream.ints(count * width, "int").reshape(count, width), tags)
         done += count
     _compare(done, total, "Elements")
-    _refuse_mixed_entities(found)
+    _refuse_mixed_entities(content)
 
 
-def _add_22(found: _Found, kind: int, rows: Ints, tags: int) -> None:
+def _add_22(content: _Content, kind: int, rows: Ints, tags: int) -> None:
     """Add rows of number, tags (physical group, entity, ...) and nodes."""
     nothing = np.zeros(len(rows), dtype=np.int64)
     group = np.abs(rows[:, 1]) if tags else nothing
     groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
-    _add(found, kind, rows[:, 0], rows[:, 1 + tags :], groups)
-    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(found.cells) << 40)
-    found.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
+    _add(content, kind, rows[:, 0], rows[:, 1 + tags :], groups)
+    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(content.cells) << 40)
+    content.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
 
 
-def _refuse_mixed_entities(found: _Found) -> None:
+def _refuse_mixed_entities(content: _Content) -> None:
     """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
     for dim in (2, 3):
-        own = [o for o, c in zip(found.origin, found.cells, strict=True) if c.dim == dim]
-        rows = np.concatenate([np.zeros((0, 3), np.int64), *own])
+        origins = [o for o, c in zip(content.origin, content.cells, strict=True) if c.dim == dim]
+        rows = np.concatenate([np.zeros((0, 3), np.int64), *origins])
         entities = np.unique(rows[:, 0])
         if len(entities) < 2:
             continue  # written by what knows no entities
@@ -289,10 +289,10 @@ def _refuse_mixed_entities(found: _Found) -> None:
                 )
 
 
-def _add(found: _Found, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
+def _add(content: _Content, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
     cell = _TYPES[kind]
-    found.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
-    found.physical.append(groups)
+    content.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
+    content.physical.append(groups)
 
 
 def _size(kind: int) -> int:
@@ -301,9 +301,9 @@ def _size(kind: int) -> int:
     return _TYPES[kind].nodes
 
 
-def _compare(found: int, said: int, name: str) -> None:
-    if found != said:
-        raise ValueError(f"${name} holds {found}, and says {said}")
+def _compare(count: int, said: int, name: str) -> None:
+    if count != said:
+        raise ValueError(f"${name} holds {count}, and says {said}")
 
 
 _READERS: dict[tuple[str, float], Reader] = {
@@ -315,10 +315,10 @@ _READERS: dict[tuple[str, float], Reader] = {
 }
 
 
-def _grouped(mesh: MeshFile, found: _Found) -> MeshFile:
+def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
     """The physical groups of faces and solids by name; one name may stand for a group of each dimension."""
-    present = {(c.dim, g) for c, groups in zip(mesh.cells, found.physical, strict=True) for g in groups}
-    empty = [name for key, name in found.names.items() if key[0] in (2, 3) and key not in present]
+    present = {(c.dim, g) for c, groups in zip(mesh.cells, content.physical, strict=True) for g in groups}
+    empty = [name for key, name in content.names.items() if key[0] in (2, 3) and key not in present]
     if empty and not present:
         mesh = replace(
             mesh, remarks=(*mesh.remarks, f"group {empty[0]!r} is named, and no element is in a group")
@@ -333,13 +333,15 @@ def _grouped(mesh: MeshFile, found: _Found) -> MeshFile:
     for dim, number in sorted(present, key=lambda key: (key[1], key[0])):
         if dim not in (2, 3):
             continue
-        name = found.names.get((dim, number), str(number))
-        own = [
+        name = content.names.get((dim, number), str(number))
+        labels_of = [
             members.get(number, np.zeros(0, np.int64)) if c.dim == dim else np.zeros(0, np.int64)
-            for c, members in zip(mesh.cells, found.physical, strict=True)
+            for c, members in zip(mesh.cells, content.physical, strict=True)
         ]
         groups[name] = (
-            own if name not in groups else [np.union1d(a, b) for a, b in zip(groups[name], own, strict=True)]
+            labels_of
+            if name not in groups
+            else [np.union1d(a, b) for a, b in zip(groups[name], labels_of, strict=True)]
         )
         if dim == 3:
             numbers[str(number)] = name

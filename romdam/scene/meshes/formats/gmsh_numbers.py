@@ -49,11 +49,11 @@ class Words:
 
     def floats(self, count: int) -> Floats:
         """The next `count` numbers."""
-        found = self.numbers[self.at : self.at + max(count, 0)]
-        if count < 0 or len(found) < count:
-            raise ValueError(f"${self.name} ends {count - len(found)} numbers early: the file was cut")
+        values = self.numbers[self.at : self.at + max(count, 0)]
+        if count < 0 or len(values) < count:
+            raise ValueError(f"${self.name} ends {count - len(values)} numbers early: the file was cut")
         self.at += count
-        return found
+        return values
 
     def ints(self, count: int, kind: str) -> Ints:
         """The next `count` whole numbers."""
@@ -105,9 +105,9 @@ class Bytes:
             raise ValueError(
                 f"${self.name} says that {count} items follow where {left} can: the file was cut"
             )
-        found = np.frombuffer(self.data, dtype, count, self.at)
+        values = np.frombuffer(self.data, dtype, count, self.at)
         self.at += count * dtype.itemsize
-        return found
+        return values
 
 
 def whole(numbers: Floats, name: str) -> Ints:

@@ -30,7 +30,7 @@ _METRES = {"", "m", "meter", "metre", "SI"}
 
 
 @dataclass
-class _Found:
+class _Content:
     """Content read so far; families are numbers that stand for the groups of an element or node."""
 
     points: Floats
@@ -40,7 +40,7 @@ class _Found:
     remarks: list[str] = field(default_factory=list)
 
 
-def read_med(path: Path, place: str) -> MeshFile:
+def read_med(path: Path, location: str) -> MeshFile:
     """Read the one mesh of a MED file; groups of elements and nodes by name.
 
     Raises
@@ -48,23 +48,23 @@ def read_med(path: Path, place: str) -> MeshFile:
     MeshError
         for files that HDF5 cannot read, several meshes, several time steps, and counts that do not fit.
     """
-    place = f"{place}: {path}"
+    location = f"{location}: {path}"
     try:
         with reading_foreign(path) as file:
             name, mesh = _only(file["ENS_MAA"], "mesh")
-            found = _mesh(mesh)
-            groups = _members(_groups(file.get(f"FAS/{name}/ELEME")), found.families)
-            nodes = _members(_groups(file.get(f"FAS/{name}/NOEUD")), [found.node_family])
+            content = _mesh(mesh)
+            groups = _members(_groups(file.get(f"FAS/{name}/ELEME")), content.families)
+            nodes = _members(_groups(file.get(f"FAS/{name}/NOEUD")), [content.node_family])
     except (ResultError, ValueError) as error:
-        raise cannot_be_read(place, "MED", str(error)) from None
-    tags = np.arange(1, len(found.points) + 1)
-    made = checked_mesh(tags, found.points, found.cells, place)
-    made = turned(made, [cell.name for cell in _TYPES.values()])
+        raise cannot_be_read(location, "MED", str(error)) from None
+    tags = np.arange(1, len(content.points) + 1)
+    checked = checked_mesh(tags, content.points, content.cells, location)
+    checked = turned(checked, [cell.name for cell in _TYPES.values()])
     return replace(
-        made,
+        checked,
         groups=groups,
-        node_sets={label: own[0] for label, own in nodes.items()},
-        remarks=(*made.remarks, *found.remarks),
+        node_sets={label: node_members[0] for label, node_members in nodes.items()},
+        remarks=(*checked.remarks, *content.remarks),
     )
 
 
@@ -75,20 +75,20 @@ def _only(group: h5py.Group, what: str) -> tuple[str, h5py.Group]:
     return names[0], group[names[0]]
 
 
-def _mesh(mesh: h5py.Group) -> _Found:
+def _mesh(mesh: h5py.Group) -> _Content:
     if int(mesh.attrs["ESP"]) != 3 or int(mesh.attrs.get("TYP", 0)) != 0:
         raise ValueError("its mesh is structured, or not one of three dimensions")
     _, step = _only(mesh, "time step")
     nodes = step["NOE"]
     count = len(nodes["COO"]) // 3
     points = np.asarray(nodes["COO"], dtype=float).reshape(3, count).T
-    found = _Found(points, _family(nodes, count))
+    content = _Content(points, _family(nodes, count))
     unit = _text(mesh.attrs.get("UNI", b""))[:16].strip()
     if unit not in _METRES:
-        found.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
+        content.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
     for kind in step["MAI"]:
-        _read_cells(found, kind, step["MAI"][kind])
-    return found
+        _read_cells(content, kind, step["MAI"][kind])
+    return content
 
 
 def _text(value: object) -> str:
@@ -104,33 +104,35 @@ def _family(group: h5py.Group, count: int) -> Ints:
     return family
 
 
-def _read_cells(found: _Found, kind: str, group: h5py.Group) -> None:
+def _read_cells(content: _Content, kind: str, group: h5py.Group) -> None:
     if kind not in _TYPES:
-        found.remarks.append(f"elements of type {kind} are left out")
+        content.remarks.append(f"elements of type {kind} are left out")
         return
     cell, flat = _TYPES[kind], np.asarray(group["NOD"], dtype=np.int64)
     count = int(group["NOD"].attrs.get("NBR", len(flat) // cell.nodes))
     if len(flat) != count * cell.nodes:
         raise ValueError(f"{group.name} has {len(flat)} nodes of {count} elements of {cell.nodes}")
-    first = 1 + sum(len(c.ids) for c in found.cells)
+    first = 1 + sum(len(c.ids) for c in content.cells)
     table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
-    found.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
-    found.families.append(_family(group, count))
+    content.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
+    content.families.append(_family(group, count))
 
 
 def _groups(families: h5py.Group | None) -> dict[int, list[str]]:
     """Names of the groups that every family stands for."""
-    found: dict[int, list[str]] = {0: []}
+    groups: dict[int, list[str]] = {0: []}
     for family in (families or {}).values():
         names = family["GRO/NOM"][:] if "GRO" in family else ()
-        found[int(family.attrs["NUM"])] = [_text(name.tobytes()) for name in names]
-    return found
+        groups[int(family.attrs["NUM"])] = [_text(name.tobytes()) for name in names]
+    return groups
 
 
 def _members(groups: dict[int, list[str]], families: list[Ints]) -> Groups:
     lost = set(np.unique(np.concatenate([np.zeros(1, np.int64), *families])).tolist()) - set(groups)
     if lost:
         raise ValueError(f"family {min(lost)} is used and not given ({len(lost)} such families)")
-    names = sorted({name for own in groups.values() for name in own})
-    numbers = {name: [number for number, own in groups.items() if name in own] for name in names}
-    return {name: [np.flatnonzero(np.isin(own, numbers[name])) for own in families] for name in names}
+    names = sorted({name for names_of in groups.values() for name in names_of})
+    numbers = {name: [number for number, names_of in groups.items() if name in names_of] for name in names}
+    return {
+        name: [np.flatnonzero(np.isin(names_of, numbers[name])) for names_of in families] for name in names
+    }

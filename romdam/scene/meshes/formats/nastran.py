@@ -112,7 +112,7 @@ class _Deck:
     ended: str = ""  # where ENDDATA stands
 
 
-def read_nastran(path: Path, place: str) -> MeshFile:
+def read_nastran(path: Path, location: str) -> MeshFile:
     """Read a bulk data file and what it includes; groups are the properties.
 
     Raises
@@ -120,25 +120,25 @@ def read_nastran(path: Path, place: str) -> MeshFile:
     MeshError
         for lines that are no entries, entries cut off, an end without ENDDATA, files that include each other.
     """
-    place = f"{place}: {path}"
+    location = f"{location}: {path}"
     deck = _Deck()
     try:
-        for entry in _entries(_lines(path, (), place)):
+        for entry in _entries(_lines(path, (), location)):
             _read(deck, entry)
         if not deck.ended:
             raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
         points = _in_basic(deck)
     except ValueError as error:
-        raise cannot_be_read(place, "nastran", str(error)) from None
+        raise cannot_be_read(location, "nastran", str(error)) from None
     cells, properties = _cells(deck)
-    mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, place)
+    mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, location)
     groups = by_value(properties)
     groups.pop("0", None)  # elements without a property
     remarks = (*mesh.remarks, *_remarks(deck), *missing_ids(cells))
     return replace(mesh, groups=groups, remarks=remarks)
 
 
-def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
+def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line]:
     """Lines of a file and of those that it includes, without comments and what stands before BEGIN BULK."""
     check_file(path, LARGEST, MeshError)
     here = path.resolve()
@@ -153,7 +153,7 @@ def _lines(path: Path, above: tuple[Path, ...], place: str) -> Iterator[_Line]:
         if not text or k == begin:
             continue
         if text.lstrip()[:7].upper() == "INCLUDE":
-            yield from _lines(_included(text, path, where), (*above, here), place)
+            yield from _lines(_included(text, path, where), (*above, here), location)
         elif k > begin:
             yield _fields(text, where)
         elif text.upper().startswith(("GRID", *_KINDS)):
@@ -164,7 +164,7 @@ def _included(text: str, path: Path, where: str) -> Path:
     match = re.fullmatch(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", text, re.IGNORECASE)
     if match is None:
         raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
-    name = Path(next(part for part in match.groups() if part))
+    name = Path(next(group for group in match.groups() if group))
     if not (path.parent / name).is_file():
         raise ValueError(f"{where}: the included file {path.parent / name} does not exist")
     return path.parent / name
@@ -201,8 +201,8 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
             continue
         if entry is None:
             raise ValueError(f"{line.where} continues nothing")
-        own, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
-        if own and own != awaited:
+        marker, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
+        if marker and marker != awaited:
             raise ValueError(
                 f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
                 f"{entry.where} is awaited; write continuation lines below their entries"
@@ -260,9 +260,9 @@ def _read_element(deck: _Deck, entry: _Entry) -> None:
     count = last - 2
     more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
     if count not in sizes or entry.given < last or more:
-        given = max(entry.given - 2, 0)
+        fields_given = max(entry.given - 2, 0)
         raise ValueError(
-            f"{entry.where}: {entry.name} {entry.fields[0]} has {given} nodes, expected "
+            f"{entry.where}: {entry.name} {entry.fields[0]} has {fields_given} nodes, expected "
             f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
             "nodes are left out"
         )
@@ -281,21 +281,21 @@ def _cells(deck: _Deck) -> tuple[list[Cells], list[Ints]]:
 
 
 def _remarks(deck: _Deck) -> list[str]:
-    found = []
+    remarks = []
     if deck.others:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(deck.others.items()))
-        found.append(f"elements that are neither solids nor shells are left out ({listed})")
+        remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
     if deck.blank:
-        found.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
-    return found
+        remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
+    return remarks
 
 
 def _in_basic(deck: _Deck) -> Floats:
     """The grid points in the basic coordinate system."""
     points = np.array(deck.points, dtype=float).reshape(-1, 3)
-    own = np.array([deck.default or 0 if s is None else s for s in deck.system], dtype=np.int64)
-    for system in np.unique(own[own != 0]):
-        points[own == system] = _to_basic(points[own == system], int(system), deck, ())
+    systems = np.array([deck.default or 0 if s is None else s for s in deck.system], dtype=np.int64)
+    for system in np.unique(systems[systems != 0]):
+        points[systems == system] = _to_basic(points[systems == system], int(system), deck, ())
     return points
 
 
@@ -321,9 +321,9 @@ def _straight(points: Floats, kind: str) -> Floats:
     """Cylindrical (r, theta, z) or spherical (r, theta from z, phi) coordinates in degrees as x, y, z."""
     if kind == "CORD2R":
         return points
-    r, one, two = points.T
+    r, first, two = points.T
     if kind == "CORD2C":
-        return np.stack([r * np.cos(np.radians(one)), r * np.sin(np.radians(one)), two], axis=1)
-    flat = r * np.sin(np.radians(one))
-    height = r * np.cos(np.radians(one))
+        return np.stack([r * np.cos(np.radians(first)), r * np.sin(np.radians(first)), two], axis=1)
+    flat = r * np.sin(np.radians(first))
+    height = r * np.cos(np.radians(first))
     return np.stack([flat * np.cos(np.radians(two)), flat * np.sin(np.radians(two)), height], axis=1)

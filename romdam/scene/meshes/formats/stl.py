@@ -16,7 +16,7 @@ _HEADER = 84  # bytes before the first triangle
 _VERTEX = re.compile(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.M)
 
 
-def read_stl(path: Path, place: str) -> MeshFile:
+def read_stl(path: Path, location: str) -> MeshFile:
     """Read triangles, each with corners of its own.
 
     Raises
@@ -24,14 +24,14 @@ def read_stl(path: Path, place: str) -> MeshFile:
     MeshError
         for a file that is damaged or was cut.
     """
-    data, place = path.read_bytes(), f"{place}: {path}"
+    data, location = path.read_bytes(), f"{location}: {path}"
     try:
         corners = _binary(data) if _is_binary(data) else _text(data)
     except ValueError as error:
-        raise MeshError(f"{place} cannot be read as an STL file ({error}); export it anew") from None
+        raise MeshError(f"{location} cannot be read as an STL file ({error}); export it anew") from None
     number = np.arange(len(corners))
     cells = Cells("triangle", number.reshape(-1, 3), np.arange(len(corners) // 3))
-    return checked_mesh(number, corners, [cells], place)
+    return checked_mesh(number, corners, [cells], location)
 
 
 def _is_binary(data: bytes) -> bool:

@@ -50,7 +50,7 @@ Lines = list[_Line]
 
 
 @dataclass
-class _Found:
+class _Content:
     """Content read so far."""
 
     tags: list[int] = field(default_factory=list)
@@ -61,7 +61,7 @@ class _Found:
     metre: float = 1.0  # of the file's lengths
 
 
-def read_unv(path: Path, place: str) -> MeshFile:
+def read_unv(path: Path, location: str) -> MeshFile:
     """Read a universal file; its groups, or where there are none the physical properties.
 
     Raises
@@ -69,32 +69,34 @@ def read_unv(path: Path, place: str) -> MeshFile:
     MeshError
         for datasets that do not end, lines that are not numbers, and groups of what is not given.
     """
-    place, found = f"{place}: {path}", _Found()
+    location, content = f"{location}: {path}", _Content()
     try:
         for name, lines in _datasets(file_text(path).split("\n")):
             if name in _READ:
-                _READ[name](found, lines)
+                _READ[name](content, lines)
             elif name in _OLD_ELEMENTS:
                 raise ValueError(f"dataset {name} has elements in an old form; export them as dataset 2412")
             else:
-                found.others[f"dataset {name}"] += 1
-        points = numbers_of(found.points, "the nodes").reshape(-1, 3)
-        tables = {kind: np.array(rows, dtype=np.int64) for kind, rows in found.rows.items()}
+                content.others[f"dataset {name}"] += 1
+        points = numbers_of(content.points, "the nodes").reshape(-1, 3)
+        tables = {kind: np.array(rows, dtype=np.int64) for kind, rows in content.rows.items()}
         cells = [
             Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "unv"), table[:, 0])
             for kind, table in tables.items()
         ]
-        made = checked_mesh(np.array(found.tags, dtype=np.int64), points, cells, place)
+        mesh = checked_mesh(np.array(content.tags, dtype=np.int64), points, cells, location)
         numbered = {
-            kind: {name: np.array(own.get(kind, ()), np.int64) for name, own in found.groups.items()}
+            kind: {
+                name: np.array(members.get(kind, ()), np.int64) for name, members in content.groups.items()
+            }
             for kind in (_NODE, _ELEMENT)
         }
-        groups, node_sets = by_number(made, numbered[_ELEMENT], numbered[_NODE])
+        groups, node_sets = by_number(mesh, numbered[_ELEMENT], numbered[_NODE])
     except ValueError as error:
-        raise cannot_be_read(place, "universal", str(error)) from None
-    remarks = (*made.remarks, *_remarks(found), *missing_ids(cells))
+        raise cannot_be_read(location, "universal", str(error)) from None
+    remarks = (*mesh.remarks, *_remarks(content), *missing_ids(cells))
     groups = groups or by_value([table[:, 1] for table in tables.values()])
-    return replace(made, groups=groups, node_sets=node_sets, remarks=remarks)
+    return replace(mesh, groups=groups, node_sets=node_sets, remarks=remarks)
 
 
 def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
@@ -129,28 +131,28 @@ def _record(lines: Lines, first: int, count: int) -> Lines:
     return lines[first : first + count]
 
 
-def _read_nodes(found: _Found, lines: Lines) -> None:
+def _read_nodes(content: _Content, lines: Lines) -> None:
     for k in range(0, len(lines), 2):
         head, coordinates = _record(lines, k, 2)
-        _add_node(found, _whole(head, 4)[:2], coordinates, coordinates.text.split())
+        _add_node(content, _whole(head, 4)[:2], coordinates, coordinates.text.split())
 
 
-def _read_old_nodes(found: _Found, lines: Lines) -> None:
+def _read_old_nodes(content: _Content, lines: Lines) -> None:
     for line in lines:
         head = _whole(line._replace(text=line.text[:40]), 4)[:2]
-        _add_node(found, head, line, line.text[40:].split())
+        _add_node(content, head, line, line.text[40:].split())
 
 
-def _add_node(found: _Found, head: list[int], line: _Line, words: list[str]) -> None:
+def _add_node(content: _Content, head: list[int], line: _Line, words: list[str]) -> None:
     if len(words) != 3:
         raise ValueError(f"line {line.number}: {quote(line.text.strip())} is not three coordinates")
     if head[1] > 1:
-        found.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
-    found.tags.append(head[0])
-    found.points += [word.upper().replace("D", "E") for word in words]
+        content.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
+    content.tags.append(head[0])
+    content.points += [word.upper().replace("D", "E") for word in words]
 
 
-def _read_elements(found: _Found, lines: Lines) -> None:
+def _read_elements(content: _Content, lines: Lines) -> None:
     k = 0
     while k < len(lines):
         number, kind, prop, _, _, count = _whole(lines[k], 6)[:6]
@@ -163,13 +165,13 @@ def _read_elements(found: _Found, lines: Lines) -> None:
             )
         cell = _CELLS.get(kind)
         if cell is None or cell.nodes != count:
-            found.others[f"elements of type {kind} with {count} nodes"] += 1
+            content.others[f"elements of type {kind} with {count} nodes"] += 1
         else:
-            found.rows.setdefault(cell.name, []).append([number, prop, *nodes])
+            content.rows.setdefault(cell.name, []).append([number, prop, *nodes])
         k += skipped + len(taken)
 
 
-def _read_groups(found: _Found, lines: Lines, width: int) -> None:
+def _read_groups(content: _Content, lines: Lines, width: int) -> None:
     """Groups; each entity has its code and number, and in the newer form two words more."""
     k = 0
     while k < len(lines):
@@ -181,38 +183,38 @@ def _read_groups(found: _Found, lines: Lines, width: int) -> None:
             raise ValueError(
                 f"line {lines[k].number}: the group says {count} members, and has {len(words) // width}"
             )
-        own = found.groups.setdefault(name.text.strip(), {})
+        members = content.groups.setdefault(name.text.strip(), {})
         for code, number in zip(words[::width], words[1::width], strict=True):
             if code in (_NODE, _ELEMENT):
-                own.setdefault(code, []).append(number)
+                members.setdefault(code, []).append(number)
             else:
-                found.others[f"group members of code {code}"] += 1
+                content.others[f"group members of code {code}"] += 1
         k += 2 + len(taken)
 
 
-def _read_units(found: _Found, lines: Lines) -> None:
+def _read_units(content: _Content, lines: Lines) -> None:
     factors = [word.upper().replace("D", "E") for _, text in lines[1:] for word in text.split()]
-    found.metre = float(numbers_of(factors[:1], "the units")[0]) if factors else 1.0
+    content.metre = float(numbers_of(factors[:1], "the units")[0]) if factors else 1.0
 
 
-_READ: dict[str, Callable[[_Found, Lines], None]] = {
+_READ: dict[str, Callable[[_Content, Lines], None]] = {
     "2411": _read_nodes,
     "781": _read_nodes,
     "15": _read_old_nodes,
     "2412": _read_elements,
     "164": _read_units,
-    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda found, lines: _read_groups(found, lines, 4)),
-    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda found, lines: _read_groups(found, lines, 2)),
+    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda content, lines: _read_groups(content, lines, 4)),
+    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda content, lines: _read_groups(content, lines, 2)),
 }
 
 
-def _remarks(found: _Found) -> list[str]:
+def _remarks(content: _Content) -> list[str]:
     said = []
-    if found.others:
-        listed = ", ".join(f"{count} {what}" for what, count in sorted(found.others.items()))
+    if content.others:
+        listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
         said.append(f"left out: {listed}")
-    if found.metre != 1.0:
+    if content.metre != 1.0:
         said.append(
-            f"its dataset 164 says that a metre is {found.metre:g} of its lengths; they are read in `unit`"
+            f"its dataset 164 says that a metre is {content.metre:g} of its lengths; they are read in `unit`"
         )
     return said

@@ -62,7 +62,7 @@ class _Grid:
     compressor: str | None
 
 
-def read_vtu(path: Path, place: str) -> MeshFile:
+def read_vtu(path: Path, location: str) -> MeshFile:
     """Read an unstructured grid; groups are the values of its array of whole numbers over the cells.
 
     Raises
@@ -71,13 +71,13 @@ def read_vtu(path: Path, place: str) -> MeshFile:
         for what is damaged or contradicts itself, several pieces, and several arrays none of which is named
         as groups are.
     """
-    place = f"{place}: {path}"
+    location = f"{location}: {path}"
     try:
         grid = _parse(path.read_bytes())
         piece = _one_piece(grid)
         points = _array(grid, _only(piece, "Points"), _count(piece, "NumberOfPoints"), 3).astype(float)
         cells, rows = _cells(grid, piece)
-        values = _groups(grid, piece, place)
+        values = _groups(grid, piece, location)
     except (
         ValueError,
         binascii.Error,
@@ -86,8 +86,8 @@ def read_vtu(path: Path, place: str) -> MeshFile:
         EOFError,
         ElementTree.ParseError,
     ) as error:
-        raise cannot_be_read(place, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
-    mesh = turned(checked_mesh(np.arange(len(points)), points, cells, place), _EITHER_WAY)
+        raise cannot_be_read(location, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
+    mesh = turned(checked_mesh(np.arange(len(points)), points, cells, location), _EITHER_WAY)
     return replace(mesh, groups=by_value([values[r] for r in rows]) if len(values) else {})
 
 
@@ -127,17 +127,17 @@ def _one_piece(grid: _Grid) -> ElementTree.Element:
 
 
 def _only(piece: ElementTree.Element, name: str) -> ElementTree.Element:
-    found = piece.findall(f"{name}/DataArray")
-    if len(found) != 1:
-        raise ValueError(f"<{name}> has {len(found)} arrays, expected 1")
-    return found[0]
+    arrays = piece.findall(f"{name}/DataArray")
+    if len(arrays) != 1:
+        raise ValueError(f"<{name}> has {len(arrays)} arrays, expected 1")
+    return arrays[0]
 
 
 def _named(piece: ElementTree.Element, name: str) -> ElementTree.Element:
-    found = [a for a in piece.findall("Cells/DataArray") if a.get("Name") == name]
-    if len(found) != 1:
-        raise ValueError(f"<Cells> has {len(found)} arrays {name}, expected 1")
-    return found[0]
+    arrays = [a for a in piece.findall("Cells/DataArray") if a.get("Name") == name]
+    if len(arrays) != 1:
+        raise ValueError(f"<Cells> has {len(arrays)} arrays {name}, expected 1")
+    return arrays[0]
 
 
 def _count(piece: ElementTree.Element, name: str) -> int:
@@ -189,9 +189,9 @@ def _unpacked(grid: _Grid, data: bytes, coded: bool) -> bytes:
     size = np.dtype(grid.header).itemsize
     if grid.compressor is None:
         length = int(np.frombuffer(_decoded(data, 0, size, coded), grid.header)[0])
-        own = -(-size // 3) * 4  # characters of a header that is coded by itself, and then ends with =
-        if coded and length and data[own - 1 : own] == b"=":
-            return _decoded(data, own, length, coded)
+        head_size = -(-size // 3) * 4  # characters of a header that is coded by itself, and then ends with =
+        if coded and length and data[head_size - 1 : head_size] == b"=":
+            return _decoded(data, head_size, length, coded)
         return _decoded(data, 0, size + length, coded)[size:]
     count = int(np.frombuffer(_decoded(data, 0, size, coded), grid.header)[0])
     head = _decoded(data, 0, size * (3 + count), coded)
@@ -219,18 +219,18 @@ def _decoded(data: bytes, at: int, count: int, coded: bool) -> bytes:
     if count < 0 or at + length > len(data):
         raise ValueError(f"an array of {count} bytes is longer than its data: the file was cut")
     piece = data[at : at + length]
-    found = base64.b64decode(piece, validate=True) if coded else piece
-    if len(found) < count:
-        raise ValueError(f"an array ends {count - len(found)} bytes early: the file was cut")
-    return found[:count]
+    content = base64.b64decode(piece, validate=True) if coded else piece
+    if len(content) < count:
+        raise ValueError(f"an array ends {count - len(content)} bytes early: the file was cut")
+    return content[:count]
 
 
 def _inflated(compressor: str, packed: bytes, size: int) -> bytes:
     """One compressed block of so many bytes, and not one byte more: it may be a bomb."""
-    found = _COMPRESSORS[compressor]().decompress(packed, size + 1)
-    if len(found) != size:
-        raise ValueError(f"a compressed block holds {len(found)} bytes, expected {size}")
-    return found
+    content = _COMPRESSORS[compressor]().decompress(packed, size + 1)
+    if len(content) != size:
+        raise ValueError(f"a compressed block holds {len(content)} bytes, expected {size}")
+    return content
 
 
 def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[Ints]]:
@@ -251,14 +251,16 @@ def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[I
         )
     cells, rows = [], []
     for kind in dict.fromkeys(types.tolist()):
-        own = np.flatnonzero(types == kind)
+        cell_rows = np.flatnonzero(types == kind)
         cell = _TYPES[kind]
-        cells.append(Cells(cell.name, nodes[ends[own][:, None] - cell.nodes + np.arange(cell.nodes)], own))
-        rows.append(own)
+        cells.append(
+            Cells(cell.name, nodes[ends[cell_rows][:, None] - cell.nodes + np.arange(cell.nodes)], cell_rows)
+        )
+        rows.append(cell_rows)
     return cells, rows
 
 
-def _groups(grid: _Grid, piece: ElementTree.Element, place: str) -> Ints:
+def _groups(grid: _Grid, piece: ElementTree.Element, location: str) -> Ints:
     """Values of the array of whole numbers that holds the groups; none where there is no such array."""
     arrays = {
         a.get("Name", ""): a
@@ -269,7 +271,7 @@ def _groups(grid: _Grid, piece: ElementTree.Element, place: str) -> Ints:
     chosen = [name for name in _PREFERRED if name in names] or names
     if len(names) > 1 and chosen is names:
         raise MeshError(
-            f"{place} has {len(names)} integer cell arrays ({', '.join(names)}) and none is named "
+            f"{location} has {len(names)} integer cell arrays ({', '.join(names)}) and none is named "
             f"{' or '.join(_PREFERRED[:3])}; rename the one that holds the groups"
         )
     if not chosen:

@@ -41,14 +41,14 @@ _PLANE = 1e-3  # of the end's size, and of its normal: how far it may be off an 
 
 
 def reservoir_mesh(
-    config: ReservoirMeshConfig, water: Reservoir, blocks: dict[str, Block], files: MeshFiles, place: str
+    config: ReservoirMeshConfig, water: Reservoir, blocks: dict[str, Block], files: MeshFiles, location: str
 ) -> Block:
     """Read the water's mesh and find its faces `dam`, `surface`, `bottom` and `end`.
 
     Parameters
     ----------
     water : without its mesh
-    place : file and key, for messages
+    location : file and key, for messages
 
     Raises
     ------
@@ -58,20 +58,20 @@ def reservoir_mesh(
         for water whose surface is not level at the level, that does not touch the dam or only some of its wet
         faces, whose end is no upright plane, and for faces that are two things at once.
     """
-    mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), place)
-    refuse_wedges(mesh, "the water's own mesh is not made of", place)
+    mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), location)
+    refuse_wedges(mesh, "the water's own mesh is not made of", location)
     walls = boundary_facets(mesh.cells, mesh.element)
-    is_on = {"surface": _at_level(mesh, walls, water.level, place)}
-    _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), place)
-    share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, place)
+    is_on = {"surface": _at_level(mesh, walls, water.level, location)}
+    _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), location)
+    share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, location)
     is_on["dam"] = share > _MOSTLY
-    is_on["end"] = _end(mesh, walls, config.end, f"{place}.end")
+    is_on["end"] = _end(mesh, walls, config.end, f"{location}.end")
     rest: Bools = ~np.logical_or.reduce(list(is_on.values()))
-    is_on["bottom"] = _bottom(mesh, walls, rest, config.bottom, place)
-    _refuse_twice(is_on, place)
-    _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], place)
+    is_on["bottom"] = _bottom(mesh, walls, rest, config.bottom, location)
+    _refuse_twice(is_on, location)
+    _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], location)
     if water.sound is not None:
-        _say_coarse(mesh, water.sound, place)
+        _say_coarse(mesh, water.sound, location)
     is_on["dam"] = share > _TOUCHED
     return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
 
@@ -82,20 +82,21 @@ def lying_on(water: Surface, dam: Surface) -> Segments:
     return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
 
 
-def _at_level(mesh: Block, walls: Ints, level: float, place: str) -> Bools:
+def _at_level(mesh: Block, walls: Ints, level: float, location: str) -> Bools:
     z = mesh.points[:, 2]
     slack = _LEVEL * float(np.ptp(z))
     on = np.asarray((np.abs(z[walls] - level) <= slack).all(axis=1))
     if z.max() > level + slack or not on.any():
         raise ConfigError(
-            f"{place}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free surface "
+            f"{location}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free "
+            "surface "
             f"must lie at water.level, {level:g} m (within {slack:.2g} m; {int(on.sum())} of its facets do); "
             "mesh the water up to the level, or correct `level` or `unit`"
         )
     return on
 
 
-def _refuse_confined(mesh: Block, surface: Ints, place: str) -> None:
+def _refuse_confined(mesh: Block, surface: Ints, location: str) -> None:
     """Refuse water without a free surface, whose pressure nothing tells."""
     first = np.broadcast_to(mesh.cells[:, :1], mesh.cells.shape)
     links = coo_array(
@@ -106,36 +107,37 @@ def _refuse_confined(mesh: Block, surface: Ints, place: str) -> None:
     if len(lost):
         at = ", ".join(f"{x:.6g}" for x in mesh.points[piece == lost[0]].mean(axis=0))
         raise ConfigError(
-            f"{place}: {len(lost)} of the {count} parts of the water's mesh that share no node have no free "
+            f"{location}: {len(lost)} of the {count} parts of the water's mesh that share no node have no "
+            "free "
             f"surface, limit 0, the first about ({at}); join the parts' nodes, or leave these out by `group`"
         )
 
 
 def _share_on_dam(
-    walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, place: str
+    walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, location: str
 ) -> Floats:
     """Share of each facet that lies on the dam; each block's wet faces must be covered."""
     wet, covered, apart = _wet_areas(blocks, water), dict.fromkeys(blocks, 0.0), 0.0
-    own = np.zeros(len(walls.facets))
+    touching = np.zeros(len(walls.facets))
     for face in water.faces:
         between = lying_on(walls, Surface(face.block, blocks[face.block].points, face.facets))
-        own += np.bincount(between.slave, between.area, len(own))
+        touching += np.bincount(between.slave, between.area, len(touching))
         covered[face.block] += float(between.area.sum())
         apart = max(apart, float(np.abs(between.distance).max(initial=0.0)))
     for name, area in wet.items():
         if covered[name] == 0.0:
-            raise ConfigError(f"{place}: {_apart(walls, blocks[name])}")
+            raise ConfigError(f"{location}: {_apart(walls, blocks[name])}")
         if covered[name] < overlap * area:
             raise ConfigError(
-                f"{place}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
+                f"{location}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
                 f"faces of block {name!r} below the level, limit {overlap:g}; mesh the water up to the "
                 "dam, leave dry faces out of water.faces, or lower `overlap` where rock covers the rest"
             )
     log.info(
         "%s: the water's mesh lies on %.4g of the %.6g m2 of the dam's wet faces, at most %.3g m apart",
-        place, sum(covered.values()) / sum(wet.values()), sum(wet.values()), apart,
+        location, sum(covered.values()) / sum(wet.values()), sum(wet.values()), apart,
     )  # fmt: skip
-    return np.asarray(own / walls.areas)
+    return np.asarray(touching / walls.areas)
 
 
 def _apart(walls: Surface, block: Block) -> str:
@@ -151,43 +153,45 @@ def _apart(walls: Surface, block: Block) -> str:
 
 def _wet_areas(blocks: dict[str, Block], water: Reservoir) -> dict[str, float]:
     """Area of every block's wet faces below the level [m2]."""
-    found: dict[str, float] = {}
+    areas: dict[str, float] = {}
     for piece in wet_mesh(blocks, water).pieces:
         vectors = piece.quadrature(blocks[piece.block].points)[2]
-        found[piece.block] = found.get(piece.block, 0.0) + float(np.linalg.norm(vectors, axis=2).sum())
-    return found
+        areas[piece.block] = areas.get(piece.block, 0.0) + float(np.linalg.norm(vectors, axis=2).sum())
+    return areas
 
 
-def _end(mesh: Block, walls: Ints, face: FaceRef, place: str) -> Bools:
+def _end(mesh: Block, walls: Ints, face: FaceRef, location: str) -> Bools:
     if face == CLOSED:
         return np.zeros(len(walls), dtype=bool)
-    facets = select_facets(mesh, face, place)
+    facets = select_facets(mesh, face, location)
     vectors = area_vectors(mesh.points, facets).sum(axis=(0, 1))
     normal = vectors / np.linalg.norm(vectors)
     away = mesh.points[facets] - mesh.points[facets].mean(axis=(0, 1))
     off = float(np.abs(away @ normal).max() / np.linalg.norm(away, axis=2).max())
     if max(off, abs(float(normal[2]))) > _PLANE:
-        shown = ", ".join(f"{x:.3g}" for x in normal)
+        direction = ", ".join(f"{x:.3g}" for x in normal)
         raise ConfigError(
-            f"{place}: the end must be an upright plane, beyond which the channel goes on: its normal is "
-            f"({shown}), and its nodes are up to {off:.2g} of its size off that plane, limit {_PLANE:g}; cut "
+            f"{location}: the end must be an upright plane, beyond which the channel goes on: its normal is "
+            f"({direction}), and its nodes are up to {off:.2g} of its size off that plane, limit "
+            f"{_PLANE:g}; cut "
             "the mesh off by an upright plane"
         )
     return _among(walls, facets)
 
 
-def _bottom(mesh: Block, walls: Ints, rest: Bools, faces: tuple[FaceRef, ...] | None, place: str) -> Bools:
+def _bottom(mesh: Block, walls: Ints, rest: Bools, faces: tuple[FaceRef, ...] | None, location: str) -> Bools:
     """True for facets that take waves up."""
     if faces is not None:
-        named = [select_facets(mesh, face, f"{place}.bottom[{k}]") for k, face in enumerate(faces)]
+        named = [select_facets(mesh, face, f"{location}.bottom[{k}]") for k, face in enumerate(faces)]
         return _among(walls, np.concatenate([walls[:0], *named]))
-    found: Bools = rest & (np.abs(facet_normals(mesh.points, walls)[:, 2]) > UPRIGHT)
+    is_bottom: Bools = rest & (np.abs(facet_normals(mesh.points, walls)[:, 2]) > UPRIGHT)
     log.info(
         "%s.bottom: %d walls that lean more than 10 degrees, %.6g m2, reflect as `bottom_reflection` says, "
         "and %d upright ones all",
-        place, found.sum(), facet_areas(mesh.points, walls[found]).sum(), (rest & ~found).sum(),
+        location, is_bottom.sum(), facet_areas(mesh.points, walls[is_bottom]).sum(),
+        (rest & ~is_bottom).sum(),
     )  # fmt: skip
-    return found
+    return is_bottom
 
 
 def _among(walls: Ints, facets: Ints) -> Bools:
@@ -196,30 +200,31 @@ def _among(walls: Ints, facets: Ints) -> Bools:
     return np.asarray(np.isin(number[: len(walls)], number[len(walls) :]))
 
 
-def _refuse_twice(is_on: dict[str, Bools], place: str) -> None:
+def _refuse_twice(is_on: dict[str, Bools], location: str) -> None:
     names = list(is_on)
     for k, name in enumerate(names):
         for other in names[k + 1 :]:
             both = int((is_on[name] & is_on[other]).sum())
             if both:
                 raise ConfigError(
-                    f"{place}: {both} facets are both on the {name} and on the {other}, limit 0; correct the "
+                    f"{location}: {both} facets are both on the {name} and on the {other}, limit 0; "
+                    "correct the "
                     "groups of the file"
                 )
 
 
-def _refuse_ceiling(mesh: Block, walls: Ints, place: str) -> None:
+def _refuse_ceiling(mesh: Block, walls: Ints, location: str) -> None:
     """Refuse walls that look up: a surface that is not level, or that does not reach the level."""
     up = facet_normals(mesh.points, walls)[:, 2] > _CEILING
     if up.any():
         at = ", ".join(f"{x:.6g}" for x in mesh.points[walls[up][0]].mean(axis=0))
         raise ConfigError(
-            f"{place}: the free surface is not level: {int(up.sum())} facets look up and are not at "
+            f"{location}: the free surface is not level: {int(up.sum())} facets look up and are not at "
             f"water.level, one about ({at}), limit 0; mesh it flat, or name rock over the water in `bottom`"
         )
 
 
-def _say_coarse(mesh: Block, sound: Sound, place: str) -> None:
+def _say_coarse(mesh: Block, sound: Sound, location: str) -> None:
     element = ELEMENTS[mesh.element]
     ends = mesh.points[mesh.cells[:, np.array(element.edges)]]
     longest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max())
@@ -228,5 +233,5 @@ def _say_coarse(mesh: Block, sound: Sound, place: str) -> None:
         log.warning(
             "%s: edges are up to %.3g m long, so that waves up to %.3g Hz have %g nodes in their length, and "
             "water.cutoff is %g Hz; mesh finer, or lower water.cutoff",
-            place, longest, resolved, PER_WAVE, sound.cutoff,
+            location, longest, resolved, PER_WAVE, sound.cutoff,
         )  # fmt: skip
