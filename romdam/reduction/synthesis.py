@@ -26,7 +26,7 @@ from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
-from romdam.reduction.methods.acting import Acting, acting_on
+from romdam.reduction.methods.block_loads import BlockLoads, assemble_block_loads
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.methods.free_interface import merged_bases, merged_keys
 from romdam.reduction.methods.massless import has_no_mass, massless_bases, massless_keys, refuse_wet
@@ -109,20 +109,22 @@ def _reduced_scene(
     law = gap_law(scene)
     effects = scene_effects(scene, damping, law.directions, choices[0].solving)
     operators, models = gap_operators(scene, law.directions), []
-    acting = acting_on(scene.blocks, operators, law.directions, effects)
+    block_loads = assemble_block_loads(scene.blocks, operators, law.directions, effects)
     for choice in choices:
-        _refuse_large(scene, acting, choice, store)
-    parts = [_reduced_part(part, scene, acting, choices, store) for part in scene_parts(scene).values()]
+        _refuse_large(scene, block_loads, choice, store)
+    parts = [_reduced_part(part, scene, block_loads, choices, store) for part in scene_parts(scene).values()]
     for choice, bases in zip(choices, zip(*parts, strict=True), strict=True):
         basis, columns = _side_by_side(scene, bases)
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
-        system = _system(scene, basis, acting, law, columns)
+        system = _system(scene, basis, block_loads, law, columns)
         coordinates: Coordinates = ModalCoordinates(basis, system.size, choice.finer)
         for effect in effects:
             system, coordinates = effect.add(system, coordinates)
         assert isinstance(coordinates, ModalCoordinates)
         report["cpu_seconds"] = time.process_time() - start
-        models.append(ReducedModel(system, coordinates.basis, report, acting.water, coordinates.reservoir))
+        models.append(
+            ReducedModel(system, coordinates.basis, report, block_loads.water, coordinates.reservoir)
+        )
     return models
 
 
@@ -142,13 +144,13 @@ def _side_by_side(
 def _system(
     scene: Scene,
     basis: dict[str, BlockBasis],
-    acting: Acting,
+    block_loads: BlockLoads,
     law: GapLaw,
     parts: dict[str, slice],
 ) -> System:
     """The parts side by side, with their joints open."""
     size = max(part.stop for part in parts.values())
-    omega2, load, B = _reduced_matrices(scene, basis, acting, size)
+    omega2, load, B = _reduced_matrices(scene, basis, block_loads, size)
     more = point_operators(scene, law.directions)
     mass = np.ones(size)
     for name, part in scene_parts(scene).items():
@@ -170,7 +172,9 @@ def _system(
     )
 
 
-def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: BlockStore | None) -> None:
+def _refuse_large(
+    scene: Scene, block_loads: BlockLoads, choice: ModeChoice, store: BlockStore | None
+) -> None:
     """Raise before anything is computed if a part is not in the store and fits in memory with no solver."""
     if choice.keeps_all:
         return
@@ -179,25 +183,27 @@ def _refuse_large(scene: Scene, acting: Acting, choice: ModeChoice, store: Block
         try:
             candidates(unknowns, choice.columns, choice.solving, part.name)
         except ReductionError:
-            keys = _keys(part, scene, acting, choice)
+            keys = _keys(part, scene, block_loads, choice)
             if store is None or not all(store.path(key).is_file() for key in keys.values()):
                 raise
 
 
-def _keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
+def _keys(part: Part, scene: Scene, block_loads: BlockLoads, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under."""
     if has_no_mass(part, scene):
-        return massless_keys(part, scene, acting)
-    free = _by_free_modes(part, scene, acting, [choice])
+        return massless_keys(part, scene, block_loads)
+    free = _by_free_modes(part, scene, block_loads, [choice])
     if free:
-        return merged_keys(part, scene, acting, *free)
+        return merged_keys(part, scene, block_loads, *free)
     (name,) = part.blocks
-    interface = joint_interface(acting.operators[name], scene.fixed[name])
-    block, fixed, loads = scene.blocks[name], scene.fixed[name], acting.loads(name)
-    return {name: block_key(block, fixed, interface, loads, choice, acting.wet(name))}
+    interface = joint_interface(block_loads.operators[name], scene.fixed[name])
+    block, fixed, loads = scene.blocks[name], scene.fixed[name], block_loads.loads(name)
+    return {name: block_key(block, fixed, interface, loads, choice, block_loads.wet(name))}
 
 
-def _by_free_modes(part: Part, scene: Scene, acting: Acting, choices: list[ModeChoice]) -> list[ModeChoice]:
+def _by_free_modes(
+    part: Part, scene: Scene, block_loads: BlockLoads, choices: list[ModeChoice]
+) -> list[ModeChoice]:
     """The free-interface modes to keep of a part; none where Craig and Bampton's way serves it.
 
     It does not where the part has a viscous boundary, whose forces are to be answered statically right.
@@ -207,10 +213,10 @@ def _by_free_modes(part: Part, scene: Scene, acting: Acting, choices: list[ModeC
     """
     if len(part.blocks) == 1:
         (name,) = part.blocks
-        interface = joint_interface(acting.operators[name], scene.fixed[name])
+        interface = joint_interface(block_loads.operators[name], scene.fixed[name])
         by_springs = bool(scene.blocks[name].absorbing) and part.stands_free(scene)
         if not by_springs and not sees_more_nodes_than_gaps(
-            acting.operators[name], interface, acting.directions
+            block_loads.operators[name], interface, block_loads.directions
         ):
             return []
     return [_with_more_modes(choice) for choice in choices]
@@ -226,7 +232,7 @@ def _with_more_modes(choice: ModeChoice) -> ModeChoice:
 def _reduced_part(
     part: Part,
     scene: Scene,
-    acting: Acting,
+    block_loads: BlockLoads,
     choices: list[ModeChoice],
     store: BlockStore | None,
 ) -> list[dict[str, BlockBasis]]:
@@ -234,18 +240,18 @@ def _reduced_part(
     for name in part.blocks:
         refuse_loose_nodes(scene.blocks[name], "reduction")
     if has_no_mass(part, scene):
-        return [massless_bases(part, scene, acting, choices[0], store)] * len(choices)
-    free = _by_free_modes(part, scene, acting, choices)
+        return [massless_bases(part, scene, block_loads, choices[0], store)] * len(choices)
+    free = _by_free_modes(part, scene, block_loads, choices)
     if free:
-        return merged_bases(part, scene, acting, free, store)
+        return merged_bases(part, scene, block_loads, free, store)
     (name,) = part.blocks
-    asked = scene.blocks[name], acting.operators[name], scene.fixed[name], acting.loads(name)
-    bases = reduced_block(*asked, choices, store, acting.wet(name))
+    asked = scene.blocks[name], block_loads.operators[name], scene.fixed[name], block_loads.loads(name)
+    bases = reduced_block(*asked, choices, store, block_loads.wet(name))
     return [{name: basis} for basis in bases]
 
 
 def _reduced_matrices(
-    scene: Scene, basis: dict[str, BlockBasis], acting: Acting, size: int
+    scene: Scene, basis: dict[str, BlockBasis], block_loads: BlockLoads, size: int
 ) -> tuple[Floats, Floats, Floats]:
     """omega^2, load and gap operator over the coordinates; blocks of a part add to the same ones."""
     omega2, load = np.zeros(size), np.zeros((size, 3))
@@ -253,7 +259,7 @@ def _reduced_matrices(
         omega2[block.columns] = block.omega2
         if name not in scene.radiating:
             load[block.columns] += block.participation
-    return omega2, load, over_coordinates(acting.operators, basis, size)
+    return omega2, load, over_coordinates(block_loads.operators, basis, size)
 
 
 def mode_choice(model: ModelConfig) -> ModeChoice:

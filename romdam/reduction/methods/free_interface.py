@@ -47,8 +47,8 @@ from romdam.linalg.modes.eigen import dense_modes, span_of_modes
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
-from romdam.reduction.methods.acting import Acting
 from romdam.reduction.methods.attachment_modes import Pencil, diagonalised, orthogonal_remainder, with_more
+from romdam.reduction.methods.block_loads import BlockLoads
 from romdam.reduction.methods.craig_bampton import (
     ModeChoice,
     Substructure,
@@ -73,7 +73,7 @@ _TOGETHER, _READ = 64, 200e6  # modes looked at, and bytes of them: each time al
 def merged_bases(
     part: Part,
     scene: Scene,
-    acting: Acting,
+    block_loads: BlockLoads,
     choices: list[ModeChoice],
     store: BlockStore | None = None,
 ) -> list[dict[str, BlockBasis]]:
@@ -89,13 +89,13 @@ def merged_bases(
     ReductionError
         where a factorisation or an eigenproblem fails.
     """
-    operator, static, wet = _acting_on(part, acting)
+    operator, static, wet = _part_loads(part, block_loads)
     store = store or BlockStore.passing()
     keys = [part_keys(part, scene, operator, static, choice, wet) for choice in choices]
     kept = _kept(store, keys)
     if len(kept) == len(keys):
         return kept
-    merged = merged_part(part, scene, operator, static, wet, gather(part, acting.carried))
+    merged = merged_part(part, scene, operator, static, wet, gather(part, block_loads.carried))
     return _reduced(merged, scene, choices[0], store, keys)
 
 
@@ -115,19 +115,19 @@ def _kept(store: BlockStore, keys: list[dict[str, str]]) -> list[dict[str, Block
     return found
 
 
-def merged_keys(part: Part, scene: Scene, acting: Acting, choice: ModeChoice) -> dict[str, str]:
+def merged_keys(part: Part, scene: Scene, block_loads: BlockLoads, choice: ModeChoice) -> dict[str, str]:
     """Block name -> what its basis is stored under; see `merged_bases`."""
-    operator, static, wet = _acting_on(part, acting)
+    operator, static, wet = _part_loads(part, block_loads)
     return part_keys(part, scene, operator, static, choice, wet)
 
 
-def _acting_on(part: Part, acting: Acting) -> tuple[csr_matrix, Floats, WetMass | None]:
+def _part_loads(part: Part, block_loads: BlockLoads) -> tuple[csr_matrix, Floats, WetMass | None]:
     """The part's gap operator, its static forces with those of shaken water (3 nodes, l), and added mass."""
-    water, wet = acting.water, None
+    water, wet = block_loads.water, None
     if water is not None and set(water.coupling) & set(part.blocks):
         wet = WetMass(part_operator(part, water.coupling), water.flexibility)
-    static = np.hstack([gather(part, acting.forces)[:, None], gather(part, acting.pressed)])
-    return part_operator(part, acting.operators), static, wet
+    static = np.hstack([gather(part, block_loads.forces)[:, None], gather(part, block_loads.pressed)])
+    return part_operator(part, block_loads.operators), static, wet
 
 
 def _reduced(

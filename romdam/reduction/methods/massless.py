@@ -29,7 +29,7 @@ from romdam.core.scene import Scene
 from romdam.fem.parts import gather, part_matrices, part_operator
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import make_solver
-from romdam.reduction.methods.acting import Acting
+from romdam.reduction.methods.block_loads import BlockLoads
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.storage.keys import part_keys
 from romdam.reduction.storage.model_file import BlockStore
@@ -66,14 +66,14 @@ def refuse_wet(scene: Scene) -> None:
             )
 
 
-def massless_keys(part: Part, scene: Scene, acting: Acting) -> dict[str, str]:
+def massless_keys(part: Part, scene: Scene, block_loads: BlockLoads) -> dict[str, str]:
     """Block name -> what its basis is stored under; no choice of modes moves it."""
-    operator, static = part_operator(part, acting.operators), gather(part, acting.forces)
+    operator, static = part_operator(part, block_loads.operators), gather(part, block_loads.forces)
     return part_keys(part, scene, operator, static, ModeChoice(count=0))
 
 
 def massless_bases(
-    part: Part, scene: Scene, acting: Acting, choice: ModeChoice, store: BlockStore | None = None
+    part: Part, scene: Scene, block_loads: BlockLoads, choice: ModeChoice, store: BlockStore | None = None
 ) -> dict[str, BlockBasis]:
     """The bases of a massless part's blocks, of the same coordinates: from the store, or made and kept there.
 
@@ -86,14 +86,14 @@ def massless_bases(
     ReductionError
         where the factorisation fails.
     """
-    store, keys = store or BlockStore.passing(), massless_keys(part, scene, acting)
+    store, keys = store or BlockStore.passing(), massless_keys(part, scene, block_loads)
     kept = {name: basis for name, key in keys.items() if (basis := store.read(key)) is not None}
     if len(kept) == len(keys):
         return kept
     free = ~part.fixed(scene.fixed).ravel()
     dofs = [(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks]
     row = np.where(free, np.cumsum(free) - 1, -1)[np.concatenate(dofs)]
-    T, flexibility = _answers(part, scene, acting, choice, store, fingerprint(keys), row)
+    T, flexibility = _answers(part, scene, block_loads, choice, store, fingerprint(keys), row)
     mix, found, first = _combined(flexibility), dict[str, BlockBasis](), 0
     report = {"retained_dofs": T.shape[1], "fixed_interface_modes": 0, "part": part.name}
     for name, key in keys.items():
@@ -110,7 +110,7 @@ def massless_bases(
 def _answers(
     part: Part,
     scene: Scene,
-    acting: Acting,
+    block_loads: BlockLoads,
     choice: ModeChoice,
     store: BlockStore,
     key: str,
@@ -125,8 +125,8 @@ def _answers(
     """
     free, place = ~part.fixed(scene.fixed).ravel(), f"part {part.name}, which has no mass"
     K = csr_matrix(part_matrices(part, scene.blocks)[0][free][:, free])
-    static = gather(part, acting.forces)[free, None]
-    right = _unit_columns(part_operator(part, acting.operators)[:, free].T, static)
+    static = gather(part, block_loads.forces)[free, None]
+    right = _unit_columns(part_operator(part, block_loads.operators)[:, free].T, static)
     rigid = rigid_motions(part.mesh(scene.blocks)).reshape(-1, 6)
     solver = make_solver(K, Motions(np.flatnonzero(free), rigid[free]), right.shape[1], choice.solving, place)
     T = OutOfCoreMatrix(store.scratch(key), key, (len(row), right.shape[1]))

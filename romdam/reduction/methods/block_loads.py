@@ -1,4 +1,4 @@
-"""Actions on the blocks that are reduced: joints, static forces, moving supports, water."""
+"""Loads on the blocks that are reduced: joints, static forces, moving supports, water."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from romdam.effects.static_loads import StaticLoads
 
 
 @dataclass(frozen=True)
-class Acting:
+class BlockLoads:
     """Gap operators of the blocks, and the loads that their bases answer statically right.
 
     Attributes
@@ -54,15 +54,15 @@ class Acting:
         return np.asarray(every[:, length > 0.0] / length[length > 0.0])
 
 
-def acting_on(
+def assemble_block_loads(
     blocks: Mapping[str, Block],
     operators: dict[str, csr_matrix],
     directions: int,
     effects: Sequence[Effect],
-) -> Acting:
-    """What acts on blocks: their joints, and loads of effects."""
-    static = next(one for one in effects if isinstance(one, StaticLoads))
-    carried = next((one for one in effects if isinstance(one, CarriedInertia)), None)
+) -> BlockLoads:
+    """Collect the gap operators of blocks and the loads of effects on them."""
+    static = next(effect for effect in effects if isinstance(effect, StaticLoads))
+    carried = next((effect for effect in effects if isinstance(effect, CarriedInertia)), None)
     moving, none = (
         None if carried is None else carried.moving,
         {n: np.zeros((b.points.size, 0)) for n, b in blocks.items()},
@@ -73,8 +73,8 @@ def acting_on(
         width = max((load.shape[1] for load in loads.values()), default=0)
         for name, before in pressed.items():
             pressed[name] = np.hstack([before, loads.get(name, np.zeros((len(before), width)))])
-    water = next((one for one in effects if isinstance(one, AddedMass)), None)
-    return Acting(
+    water = next((effect for effect in effects if isinstance(effect, AddedMass)), None)
+    return BlockLoads(
         operators,
         dict(static.surface),
         pressed,
