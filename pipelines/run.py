@@ -187,7 +187,7 @@ def run(
     RomdamError
         for bad input, and for a lone record that fails; of several records the others go on.
     """
-    job, given = job_and_motions(job, motions)
+    job, motions_given = job_and_motions(job, motions)
     if (other := _OTHERS.get(job.config.pipeline)) is not None:
         raise ConfigError(
             f"{job.path}: pipeline: {job.config.pipeline}: romdam.run would run its records once each, and "
@@ -196,19 +196,21 @@ def run(
     clock = Clock(show)
     if out is not None:
         goal = Goal(prepare_folder(Path(out)), job.config.outputs.plots, summary=True)
-        return _run(job, given, goal, clock, cache)
+        return _run(job, motions_given, goal, clock, cache)
     folder = Unkept()
-    done = _run(job, given, Goal(folder.path, figures=False, summary=False), clock, cache)
+    done = _run(job, motions_given, Goal(folder.path, figures=False, summary=False), clock, cache)
     results = tuple(Result(path, folder) for path in done.paths)
     for result in results:
         result.dataset.attrs[FOLDER] = str(job.folder.absolute())
     return Outcome((), done.failures, unkept=results)
 
 
-def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, cache: Path | None) -> Outcome:
+def _run(
+    job: Job, motions_given: list[GroundMotion] | None, goal: Goal, clock: Clock, cache: Path | None
+) -> Outcome:
     """Run given motions, or those of a job."""
-    read: Read = {one.name: one for one in given or ()}
-    if given is None:
+    read: Read = {motion.name: motion for motion in motions_given or ()}
+    if motions_given is None:
         with clock.stage("records", "reading records"):
             read = records_of(job, goal.folder)
     summarised = goal.summary and len(read) > 1
@@ -225,18 +227,18 @@ def _run(job: Job, given: list[GroundMotion] | None, goal: Goal, clock: Clock, c
         rows, last, undrawn = _run_all(
             job, model, motions, (goal, shared), clock, sibling, lone=len(read) == 1
         )
-    failures = {name: one for name, one in read.items() if isinstance(one, str)}
+    failures = {name: message for name, message in read.items() if isinstance(message, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
     kept = [row.kept for row in rows.values() if row.kept is not None]
-    paths = tuple(goal.folder / one.file for one in kept)
+    paths = tuple(goal.folder / run_kept.file for run_kept in kept)
     files: tuple[Path, ...] = ()
     if summarised:
         with clock.stage("summary", "writing the summary"):
             files = write_summary_files(records_summary(job, model.scene, read, rows), job, goal.folder)
-    own = {*paths, *files, *([goal.folder / DATA] if files else [])}
-    others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in own)
+    written_now = {*paths, *files, *([goal.folder / DATA] if files else [])}
+    others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in written_now)
     lone = last.dataset if last and len(read) == 1 else None
-    written = tuple((path.absolute(), one.labels) for path, one in zip(paths, kept, strict=True))
+    written = tuple((path.absolute(), run_kept.labels) for path, run_kept in zip(paths, kept, strict=True))
     return Outcome(paths, failures, others, files, lone=lone, written=written)
 
 
@@ -315,17 +317,17 @@ def _run_all(
     return rows, last, undrawn | _drawn(last, target[0], clock, lone=lone)
 
 
-def _drawn(made: FinishedRun | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, str]:
+def _drawn(finished: FinishedRun | None, goal: Goal, clock: Clock, *, lone: bool = False) -> dict[str, str]:
     """Draw the figures of a run, if it is to have some; of several records, its name -> why that failed."""
-    if made is None or not goal.figures:
+    if finished is None or not goal.figures:
         return {}
     try:
         with clock.stage("plots", "drawing figures"):
-            draw(made.dataset, goal.folder, made.path.stem)
+            draw(finished.dataset, goal.folder, finished.path.stem)
     except recoverable() as error:
         if lone:
             raise
-        return {made.path.stem: describe_error(error)}
+        return {finished.path.stem: describe_error(error)}
     return {}
 
 

@@ -71,7 +71,7 @@ def verify_mesh(
     seconds = motion.duration if duration is None else min(duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
     if job.config.model.order != "full":
-        job, sibling = (with_modes_chosen(one, motions, clock) for one in (job, sibling))
+        job, sibling = (with_modes_chosen(prepared_job, motions, clock) for prepared_job in (job, sibling))
     run, scene = run_on_mesh(job, motion, seconds, clock, "run")
     try:
         other, _ = run_on_mesh(sibling, motion, seconds, clock, "sibling")
@@ -116,8 +116,8 @@ def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun, *,
     from romdam.visual.plots import opening_comparison, save_figure
 
     histories = {
-        f"{name}, {one.unknowns} unknowns": (one.history.time, one.history.jump[..., 0])
-        for name, one in (("mesh", run), (f"{'finer' if finer else 'coarser'} mesh", sibling))
+        f"{name}, {verified.unknowns} unknowns": (verified.history.time, verified.history.jump[..., 0])
+        for name, verified in (("mesh", run), (f"{'finer' if finer else 'coarser'} mesh", sibling))
     }
     figure = opening_comparison(
         histories, f"The mesh and elements of {'half' if finer else 'twice'} the size  ·  {motion.name}"

@@ -64,8 +64,12 @@ def verify(
     stages, say = open_terminal(quiet, verbose)
     if mesh is not None:
         job = romdam.load_config(config)
-        made = verify_mesh(job, out, seconds, finer=mesh is Sibling.finer, show=stages)
-        say(*mesh_lines(made.statement.document), f"written: {made.path}", f"written: {made.figure}")
+        verified_mesh = verify_mesh(job, out, seconds, finer=mesh is Sibling.finer, show=stages)
+        say(
+            *mesh_lines(verified_mesh.statement.document),
+            f"written: {verified_mesh.path}",
+            f"written: {verified_mesh.figure}",
+        )
         return
     verified = verify_job(
         romdam.load_config(config), out, math.inf if full else seconds, reference, stages, say

@@ -53,13 +53,13 @@ def on_coarser_mesh(job: Job) -> Job:
         if dam is not None and not dam.divisions.refine:
             for name in _OF_DAM:
                 if (count := getattr(dam.divisions, name)) % 2:
-                    place = f"{job.path}: {key}.divisions.{name}"
-                    _refuse_coarser(place, f"is {count}, which cannot be halved")
+                    location = f"{job.path}: {key}.divisions.{name}"
+                    _refuse_coarser(location, f"is {count}, which cannot be halved")
     return _on_other_mesh(job, finer=False)
 
 
-def _refuse_coarser(place: str, why: str) -> None:
-    raise ConfigError(f"{place}: {why}; compare with a finer mesh instead (`romdam verify --mesh finer`)")
+def _refuse_coarser(location: str, why: str) -> None:
+    raise ConfigError(f"{location}: {why}; compare with a finer mesh instead (`romdam verify --mesh finer`)")
 
 
 def _counts(box: BoxConfig) -> tuple[float, ...]:

@@ -217,10 +217,10 @@ def mesh_lines(statement: Mapping[str, object]) -> list[str]:
     for name, error in errors.items():
         joints = error.get("joints", {})
         worst = max(joints, key=lambda joint: float(joints[joint]["l2"])) if len(joints) > 1 else ""
-        own = f"   {worst}, {100 * joints[worst]['l2']:.2g} %" if worst else ""
+        remark = f"   {worst}, {100 * joints[worst]['l2']:.2g} %" if worst else ""
         numbers = "".join(f"{100 * error[measure]:>7.2g} %" for measure in ("l2", "peak"))
-        own = "   not resolved by either mesh" if name in lost else own
-        lines.append(f"{name.replace('_', ' '):<19}{numbers}{own}")
+        remark = "   not resolved by either mesh" if name in lost else remark
+        lines.append(f"{name.replace('_', ' '):<19}{numbers}{remark}")
     return lines
 
 

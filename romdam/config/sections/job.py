@@ -131,8 +131,8 @@ class RayleighConfig(Model):
     def _one_form(self) -> Self:
         by_ratio = self.frequencies is not None and self.ratio is not None
         by_coefficient = self.alpha is not None and self.beta is not None
-        given = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
-        if given != 2 or by_ratio == by_coefficient:
+        count = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
+        if count != 2 or by_ratio == by_coefficient:
             raise ValueError("give either `frequencies` and `ratio`, or `alpha` and `beta`")
         if self.frequencies is not None and self.frequencies[0] == self.frequencies[1]:
             raise ValueError(f"the two frequencies must differ, both are {self.frequencies[0]:g} Hz")
@@ -265,19 +265,21 @@ class Config(Model):
     @property
     def block_names(self) -> tuple[str, ...]:
         """Every block, those of such a dam first."""
-        made = self.dam.block_names if self.dam else ()
-        own = (piece for name in self.blocks for piece in pieces_of(name, self.cut))
-        return tuple(dict.fromkeys((*made, *own)))
+        dam_blocks = self.dam.block_names if self.dam else ()
+        pieces = (piece for name in self.blocks for piece in pieces_of(name, self.cut))
+        return tuple(dict.fromkeys((*dam_blocks, *pieces)))
 
     @property
     def every_joint(self) -> dict[str, JointConfig]:
         """Every joint, those of a dam first, then those of cuts."""
-        made = self.gravity_dam.generated_joints if self.gravity_dam else {}
-        for one in (*((self.arch_dam,) if self.arch_dam else ()), *self.cut.values()):
-            if isinstance(one.joints, JointProperties):
-                own = one.joints
-                made |= {name: joint_between(pair, own) for name, pair in one.joint_pairs.items()}
-        return made | self.joints
+        generated = self.gravity_dam.generated_joints if self.gravity_dam else {}
+        for section in (*((self.arch_dam,) if self.arch_dam else ()), *self.cut.values()):
+            if isinstance(section.joints, JointProperties):
+                template = section.joints
+                generated |= {
+                    name: joint_between(pair, template) for name, pair in section.joint_pairs.items()
+                }
+        return generated | self.joints
 
     @model_validator(mode="after")
     def _references(self) -> Self:
@@ -294,7 +296,7 @@ class Config(Model):
         self._refuse_mesh_error_of_suites()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
-        varied = [one.path for one in self.suite.parameters.values()] if self.suite else []
+        varied = [parameter.path for parameter in self.suite.parameters.values()] if self.suite else []
         refuse_excluded(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
         refuse_coupled(coupling(self), self.transient.integrator, varied)
