@@ -18,7 +18,7 @@ PUBLIC = {
     "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",
     "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify", "check", "compare",
     "compare_results", "load_config", "modes", "open_result", "open_suite", "read_motions", "run",
-    "run_suite", "study", "verify",
+    "run_suite", "study", "verify", "verify_mesh",
 }  # fmt: skip
 
 
