@@ -89,7 +89,7 @@ def run_bytes(system: System, steps: float, rows: float) -> float:
     steps, rows : base steps and rows written
     """
     jumps, coordinates = system.B.shape[0], system.size if system.reduced else 0
-    row = 6 * jumps + 5 * coordinates + 6 * system.observe.shape[0] + 30
+    row = 6 * jumps + 2 * len(system.law) + 5 * coordinates + 6 * system.observe.shape[0] + 30
     histories = system.load.shape[1] if system.drives else 0
     histories += 0 if system.pseudo_static is None else 9 * len(system.pseudo_static.motions)
     return (_STEP + _HISTORY * histories) * steps + 8.0 * row * rows

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from romdam.core.arrays import Floats, Record, at, record, record_type, stacked
+from romdam.core.arrays import Floats, Record, at, put, record, record_type, rows_like, stacked
 from romdam.core.jit import VIEWS, njit
 
 ROOT = Path(__file__).parents[1] / "romdam"
@@ -150,3 +150,42 @@ def test_a_view_of_one_of_many_has_every_field_and_is_written_through(change):
     assert list(one.values) == [2.0, 1.0, 2.0] and list(one.inner.values) == [0.0, 2.0, 0.0]
     assert (one.inner.counts.steps, one.inner.counts.largest, one.inner.counts.known) == (2, 0.5, True)
     assert many.inner.counts["steps"].sum() == 2 and many.inner.values.sum() == 2.0
+
+
+class _Row(NamedTuple):
+    table: Floats
+    flags: Floats
+    inner: _Inner
+
+
+def _write(rows, number, state):
+    put(rows, number, state)
+    state.table[:] = -1.0
+
+
+@pytest.mark.parametrize(
+    "write", [_write, njit(**VIEWS | {"cache": False})(_write)], ids=["plain", "compiled"]
+)
+def test_a_row_takes_a_copy_of_every_field_and_no_other_row_changes(write):
+    table = np.arange(6.0).reshape(3, 2)
+    states = stacked(
+        [
+            _Row(k + table, np.array([k, 1], np.uint8), _Inner(np.full(4, 0.5 * k), record(COUNTS)))
+            for k in range(3)
+        ]
+    )
+    states.inner.counts["steps"] = [5, 6, 7]
+    rows = rows_like(at(states, 0), 4)
+    assert rows.table.shape == (4, 3, 2) and rows.flags.dtype == np.uint8
+    assert rows.inner.counts.shape == (4,) and rows.inner.counts.dtype == COUNTS
+    write(rows, 2, at(states, 1))
+    assert np.array_equal(rows.table[2], 1.0 + table), "a copy, not a view"
+    assert list(rows.flags[2]) == [1, 1] and (rows.inner.values[2] == 0.5).all()
+    assert rows.inner.counts[2].steps == 6
+    others = [0, 1, 3]
+    assert (
+        not rows.table[others].any() and not rows.flags[others].any() and not rows.inner.values[others].any()
+    )
+    assert (states.table[1] == -1.0).all() and (states.table[[0, 2]] >= 0.0).all()
+    put(rows, np.array([0, 3]), at(states, slice(0, 3, 2)))
+    assert list(rows.inner.counts["steps"]) == [5, 0, 6, 7]

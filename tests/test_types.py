@@ -21,13 +21,9 @@ TO_DO = {
     "romdam/fem/stress.py",
     "romdam/reduction/synthesis.py",
     "romdam/timestepping/equilibrium.py",
-    "romdam/timestepping/integrators/generalized_alpha.py",
-    "romdam/timestepping/modal/histories.py",
     "romdam/timestepping/modal/loop.py",
     "romdam/timestepping/modal/massless_boundary.py",
     "romdam/timestepping/modal/mode_split.py",
-    "romdam/timestepping/modal/runs.py",
-    "romdam/timestepping/modal/symmetry.py",
     "romdam/timestepping/step_control.py",
 }  # files that still have arguments which are tuples of unlike things; none may be added
 

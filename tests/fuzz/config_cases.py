@@ -185,6 +185,7 @@ def _arch() -> dict[str, Any]:
 def _gravity() -> dict[str, Any]:
     """Two monoliths with lifts and a gallery."""
     divisions = {"along": 1, "through": 3, "up": 4, "depth": 1, "upstream": 1, "downstream": 1, "banks": 1}
+    plain = {key: value for key, value in JOINT.items() if key != "friction"}
     rock = FOUNDATION | {"weight": False, "left": 50.0, "right": 50.0, "banks": [20.0, 20.0]}
     raw = gravity_dam(
         monoliths=[16.0, "16 m"],
@@ -194,7 +195,11 @@ def _gravity() -> dict[str, Any]:
         element="hex8",
         divisions=divisions | {"growth": 2.0},
         rock=rock,
-        joints={"base": JOINT, "contraction": JOINT, "lift": "tied"},
+        joints={
+            "base": plain | {"slip_weakening": {"mu_s": 0.8, "mu_d": 0.6, "d_c": "5 cm"}},
+            "contraction": plain | {"barton_bandis": {"JRC": 8.0, "JCS": "50 MPa", "mu_b": 0.6}},
+            "lift": "tied",
+        },
     )
     rest = {key: _TWO[key] for key in ("damping", "records", "model", "transient")}
     return raw | rest | {"outputs": {"error_estimate": False, "plots": False}}

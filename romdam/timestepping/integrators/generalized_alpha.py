@@ -244,9 +244,15 @@ class _Rows:
     """Histories at the written steps, and peaks over all steps."""
 
     def __init__(
-        self, system: System, state: _State, steps: Steps, samples: int, gaps: tuple[GapProblem, GapMemory]
+        self,
+        system: System,
+        state: _State,
+        steps: Steps,
+        samples: int,
+        problem: GapProblem,
+        memory: GapMemory,
     ) -> None:
-        self.system, self.steps, (self.problem, self.gap_memory) = system, steps, gaps
+        self.system, self.steps, self.problem, self.gap_memory = system, steps, problem, memory
         self.rows = rows_like(self._recorded(state), (samples - 1) // steps.stride + 1)
         self.peaks = first_peaks(self._at_points(state), state.gaps.traction)
         self._write(state, 0)
@@ -384,7 +390,7 @@ class GeneralizedAlpha:
 
         worst = max((advance(n) for n in range(-lead, 0)), default=0.0)
         state.begin()
-        rows = _Rows(system, state, settings.steps, ground.shape[1], (stepper.problem, memory))
+        rows = _Rows(system, state, settings.steps, ground.shape[1], stepper.problem, memory)
         for n in range(total):
             worst = max(worst, advance(n))
             rows.keep(state, n + 1)

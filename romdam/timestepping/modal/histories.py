@@ -23,7 +23,8 @@ _DENSE = 0.1  # share of entries from which on a dense product is quicker: 15 ti
 
 def history_of_rows(
     prepared: Prepared,
-    arrays: tuple[ModalModel, ModeSplit],
+    model: ModalModel,
+    split: ModeSplit,
     rows: Recorded,
     acc: Floats,
     settings: Settings,
@@ -35,7 +36,7 @@ def history_of_rows(
     rows : its own
     acc : (loads, nt) what shakes the model in them
     """
-    (_, split), system = arrays, prepared.system
+    system = prepared.system
     coordinates, energy = None, dict[str, Floats]()
     time = np.arange(len(rows.q), dtype=np.float64) * settings.steps.interval
     follows = acc.T.copy()
@@ -46,14 +47,14 @@ def history_of_rows(
     else:
         coordinates = Coordinates(partial(_whole_motion, system, split, rows, follows))
         kinetic = 0.5 * (rows.v**2).sum(axis=1)
-        energy = ledger(rows.energies, kinetic, _strain(system, arrays, rows))
+        energy = ledger(rows.energies, kinetic, _strain(system, model, split, rows))
     seen = _observed(prepared, split, "observe")
     return History(
         **gap_fields(rows.gaps) | {"jump": jump},
         time=time,
         disp=seen.displacement(rows, follows),
         vel=rows.v @ seen.states.T,
-        acc=_observed_acceleration(system, arrays, rows, acc),
+        acc=_observed_acceleration(system, model, split, rows, acc),
         coordinates=coordinates,
         energy=energy,
         peaks={},
@@ -143,10 +144,9 @@ def _whole_motion(
 
 
 def _observed_acceleration(
-    system: System, arrays: tuple[ModalModel, ModeSplit], rows: Recorded, acc: Floats
+    system: System, model: ModalModel, split: ModeSplit, rows: Recorded, acc: Floats
 ) -> Floats:
     """(nt, r) of the dynamic modes alone, from their equations of motion."""
-    model, split = arrays
     k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
     seen = system.observe.toarray().T[split.dynamic]
     rate = model.static @ seen - acc.T @ (system.load[split.dynamic].T @ seen)
@@ -156,9 +156,8 @@ def _observed_acceleration(
     return np.asarray(rate)
 
 
-def _strain(system: System, arrays: tuple[ModalModel, ModeSplit], rows: Recorded) -> Floats:
+def _strain(system: System, model: ModalModel, split: ModeSplit, rows: Recorded) -> Floats:
     """(nt,) strain energy of the states and of the relaxed flexibility [J]."""
-    model, split = arrays
     strain = 0.5 * (rows.q**2) @ system.K.diagonal()[split.dynamic]
     if len(model.R):
         strain += 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)

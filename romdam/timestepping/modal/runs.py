@@ -136,8 +136,8 @@ def _arrays(
     variant["step"], variant["problem"] = damping[problem], problem
     N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
     solver = solver_state(n, n != N, (len(batch), len(levels.size)))
-    runs = _runs(batch, integrator, settings, active, variant, (memory, solver))
-    states = _states((model, split), starts, runs)
+    runs = _runs(batch, integrator, settings, active, variant, memory, solver)
+    states = _states(model, split, starts, runs)
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
     stride = settings.steps.stride
@@ -197,9 +197,10 @@ def _runs(
     settings: Settings,
     active: Ints,
     variant: Record,
-    carried: tuple[GapMemory, SolverState],
+    memory: GapMemory,
+    solver: SolverState,
 ) -> Batch:
-    (memory, solver), steps = carried, settings.steps
+    steps = settings.steps
     samples = np.array([one.ground.shape[1] for one in batch])
     rows = (samples - 1) // steps.stride + 1
     velocity = np.array([_peak_velocity(one, steps.base) for one in batch])
@@ -238,8 +239,7 @@ def _peak_velocity(of: Simulation, step: float) -> float:
     return peak if peak > 0.0 else math.inf
 
 
-def _states(arrays: tuple[ModalModel, ModeSplit], starts: Sequence[Initial], runs: Batch) -> ModalState:
-    model, split = arrays
+def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
     q = np.stack([start.q[split.dynamic] for start in starts])
     gaps = stacked([start.gaps.recorded() for start in starts])
     p = np.stack([start.gaps.acting for start in starts]).reshape(len(starts), -1)
@@ -305,7 +305,7 @@ def _outcomes(
         acc = prepared.system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
         rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
         written = at(buffer.rows, rows)
-        history = history_of_rows(prepared, (model, split), written, acc, settings)
+        history = history_of_rows(prepared, model, split, written, acc, settings)
         history = add_carried_jumps(history, prepared.system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.gaps.jump, history.jump, history.time)
         force = history.traction

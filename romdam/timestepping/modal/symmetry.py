@@ -107,7 +107,7 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
     spread = _spread(gaps, signs)
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
     jumps = mean @ system.B.toarray()
-    merged = _quotient(system, (gaps, signs), jumps, _modes(system, active, jumps))
+    merged = _quotient(system, gaps, signs, jumps, _modes(system, active, jumps))
     with_points = _with_points(merged, system, (spread, mean))
     if with_points is None:
         return None
@@ -284,9 +284,8 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     return csr_matrix(turned.tocsc()[:, moves])
 
 
-def _quotient(system: System, groups: tuple[Ints, Floats], jumps: Floats, Q: csr_matrix) -> Symmetry:
-    """The system of the groups."""
-    gaps, signs = groups
+def _quotient(system: System, gaps: Ints, signs: Floats, jumps: Floats, Q: csr_matrix) -> Symmetry:
+    """The system of the groups, which `gaps` numbers at every gap."""
     smaller = replace(
         system,
         M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
