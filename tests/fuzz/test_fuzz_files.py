@@ -19,7 +19,7 @@ from romdam.core.errors import ResultError
 from romdam.core.sealed import is_sealed, seal
 from romdam.error.metrics import RelativeError
 from romdam.error.statement import (
-    VERIFICATION_FILE,
+    FILES,
     ErrorStatement,
     read_verification,
     write_verification,
@@ -194,7 +194,7 @@ def test_statements_that_changed_are_left_out(tmp_path, cases):
         assert found in ({}, expected), f"case {case}: {found}"
         path.write_bytes(whole)
     for foreign in ("null", "[]", '{"configuration_sha256": "abc"}', "[" * 100_000, '{"a": NaN}'):
-        (tmp_path / VERIFICATION_FILE).write_text(foreign)
+        (tmp_path / FILES["verification"]).write_text(foreign)
         assert read_verification(tmp_path, ours) == {}
 
 
