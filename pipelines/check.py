@@ -19,7 +19,15 @@ from romdam.pipelines.cost import COSTS, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
-from romdam.pipelines.run import Clock, Stage, build_model, reduced_model, silent, usable_motions
+from romdam.pipelines.run import (
+    Clock,
+    Stage,
+    build_model,
+    build_sibling,
+    reduced_model,
+    silent,
+    usable_motions,
+)
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.suites.plan import make_plan
@@ -148,6 +156,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             refuse_summary(job, None)
         usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
         model = build_model(job, clock, store, estimated=True)
+        build_sibling(job, clock, store)
         job = with_scene_warnings(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}

@@ -222,7 +222,7 @@ def _run(
     job = with_modes_chosen(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     job = log_scene_warnings(model.scene, job)
-    sibling = _sibling(job, clock, store)
+    sibling = build_sibling(job, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last, undrawn = _run_all(
             job, model, motions, (goal, shared), clock, sibling, lone=len(read) == 1
@@ -261,7 +261,7 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
     return motions
 
 
-def _sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | None:
+def build_sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | None:
     """The job on another mesh, where the error of its own is to be stated.
 
     Raises

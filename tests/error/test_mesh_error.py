@@ -143,8 +143,12 @@ def test_a_job_without_the_mesh_it_asks_for_is_refused(tmp_path):
     raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": "coarser"}
     np.savetxt(tmp_path / "pulse.txt", np.ones(100))
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
-    code, _, err = call("run", tmp_path / "small.yaml", "--out", tmp_path / "out", "--quiet")
-    assert code == 2 and f"outputs.mesh_error: no coarser mesh: {tmp_path}" in err.replace("\n", " ")
+    said = [
+        call("run", tmp_path / "small.yaml", "--out", tmp_path / "out", "--quiet"),
+        call("check", tmp_path / "small.yaml"),
+    ]
+    for code, _, err in said:
+        assert code == 2 and f"outputs.mesh_error: no coarser mesh: {tmp_path}" in err.replace("\n", " ")
     raw |= {"pipeline": "suite", "suite": {"scales": [1.0]}}
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
     code, _, err = call("check", tmp_path / "small.yaml")
