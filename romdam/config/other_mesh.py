@@ -21,14 +21,9 @@ def on_finer_mesh(job: Job) -> Job:
     Raises
     ------
     ConfigError
-        for a block whose stiffness and mass come from files.
+        for a block whose stiffness and mass come from files, and for stiffnesses of single gaps.
     """
-    for name, block in job.config.blocks.items():
-        if block.matrices is not None:
-            raise ConfigError(
-                f"{job.path}: blocks.{name}.matrices: stiffness and mass come from another program, so there "
-                "is no finer mesh, and what it would change is unknown; compare with matrices of a finer mesh"
-            )
+    _refuse_bound_to_mesh(job)
     return _on_other_mesh(job, finer=True)
 
 
@@ -38,8 +33,10 @@ def on_coarser_mesh(job: Job) -> Job:
     Raises
     ------
     ConfigError
-        for mesh files that are not refined, and for odd numbers of elements in boxes and dams.
+        as `on_finer_mesh`; for mesh files that are not refined, and for odd numbers of elements in boxes and
+        dams.
     """
+    _refuse_bound_to_mesh(job)
     config = job.config
     for name, block in config.blocks.items():
         if block.box is not None:
@@ -56,6 +53,23 @@ def on_coarser_mesh(job: Job) -> Job:
                     location = f"{job.path}: {key}.divisions.{name}"
                     _refuse_coarser(location, f"is {count}, which cannot be halved")
     return _on_other_mesh(job, finer=False)
+
+
+def _refuse_bound_to_mesh(job: Job) -> None:
+    """Refuse what belongs to the nodes or to the number of gaps of one mesh."""
+    for name, block in job.config.blocks.items():
+        if block.matrices is not None:
+            raise ConfigError(
+                f"{job.path}: blocks.{name}.matrices: stiffness and mass come from another program, so there "
+                "is no other mesh, and what it would change is unknown; compare with matrices of another mesh"
+            )
+    for name, joint in job.config.every_joint.items():
+        for key, value in joint.law_keys.items():
+            if isinstance(value, dict) and value.get("per_gap"):
+                raise ConfigError(
+                    f"{job.path}: {key} of joint {name} is {value['per_gap']:g} N/m of each gap, so with "
+                    "more or fewer gaps the joint has another stiffness; give it per area (16 GPa/m)"
+                )
 
 
 def _refuse_coarser(location: str, why: str) -> None:

@@ -160,8 +160,18 @@ def test_matrices_of_other_programs_have_no_finer_mesh(tmp_path):
     name = next(iter(raw["blocks"]))
     raw["blocks"][name]["matrices"] = {"stiffness": "K.mtx", "mass": "M.mtx"}
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
+    for mesh in ("finer", "coarser"):
+        code, _, err = call("verify", tmp_path / "small.yaml", "--mesh", mesh, "--out", tmp_path / "out")
+        assert code == 2 and f"blocks.{name}.matrices" in err and "Traceback" not in err
+
+
+def test_stiffnesses_of_single_gaps_have_no_other_mesh(tmp_path):
+    """Four times as many gaps would make a joint four times as stiff, as if that were the mesh's error."""
+    raw = yaml.safe_load(SMALL)
+    raw["joints"]["gap"]["normal_stiffness"] = {"per_gap": "1 GN/m"}
+    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
     code, _, err = call("verify", tmp_path / "small.yaml", "--mesh", "finer", "--out", tmp_path / "out")
-    assert code == 2 and f"blocks.{name}.matrices" in err and "Traceback" not in err
+    assert code == 2 and "normal_stiffness of joint gap is 1e+09 N/m of each gap" in " ".join(err.split())
 
 
 def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
