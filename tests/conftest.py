@@ -8,6 +8,7 @@ here. Tests of threads set their numbers themselves (test_threads.py).
 import os
 import signal
 from itertools import count
+from pathlib import Path
 
 import pytest
 
@@ -38,3 +39,24 @@ def signals_are_heard():
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+_REST = {
+    "materials": {"concrete": {"E": 30e9, "nu": 0.18, "rho": 2440.0}},
+    "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+    "model": {"order": "full"},
+    "transient": {"finest_step": 0.01},
+}
+
+
+@pytest.fixture
+def make():
+    """raw scene keys -> Scene; messages name the file `s.yaml`."""
+
+    from romdam.config import parse_config
+    from romdam.scene.build import build_scene
+
+    def build(raw, folder=Path()):
+        return build_scene(parse_config(_REST | raw, "s.yaml"), Path(folder), "s.yaml")
+
+    return build

@@ -6,7 +6,7 @@ import numpy as np
 
 from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Block, Material
-from romdam.scene.boxes import box_block
+from romdam.geometry.boxes import box_block
 
 CONCRETE = Material(30e9, 0.18, 2440.0)
 PAIRS = [

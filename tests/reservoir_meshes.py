@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Block, Material
-from romdam.scene.boxes import box_block
-from romdam.scene.elements import ELEMENTS, facet_element
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import ELEMENTS, facet_element
 
 Floats = NDArray[np.float64]
 

@@ -68,7 +68,7 @@ def test_nastran_leaves_numpy_as_it_prints(tmp_path):
         "from pathlib import Path\n"
         "import numpy as np\n"
         "from romdam.core.errors import MeshError\n"
-        "from romdam.scene.matrices.nastran import read_nastran\n"
+        "from romdam.geometry.matrices.nastran import read_nastran\n"
         "try:\n"
         "    read_nastran(Path('none.op4'), 'stiffness', 'blocks.left')\n"
         "except MeshError:\n"

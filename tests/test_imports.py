@@ -17,8 +17,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 MAIN_JOB = ROOT / "configs" / "two_cantilevers.yaml"
 EVERY_ROOM = {
-    "config", "records", "scene", "fem", "effects", "linalg", "reduction", "contact", "timestepping", "error",
-    "postprocess", "results", "visual", "export",
+    "config", "records", "geometry", "scene", "fem", "effects", "linalg", "reduction", "contact",
+    "timestepping", "error", "postprocess", "results", "visual", "export",
 }  # fmt: skip
 ALLOWED = {
     "core": set(),
@@ -26,18 +26,19 @@ ALLOWED = {
     "config": set(),
     "examples": set(),
     "records": set(),
-    "scene": {"linalg"},
+    "geometry": {"linalg"},
+    "scene": {"geometry", "linalg"},
     "linalg": set(),
     "contact": set(),
     "postprocess": {"records"},
-    "fem": {"linalg", "scene"},
+    "fem": {"geometry", "linalg", "scene"},
     "timestepping": {"contact", "linalg"},
-    "effects": {"fem", "linalg", "scene"},
-    "reduction": {"effects", "fem", "linalg", "scene"},
+    "effects": {"fem", "geometry", "linalg", "scene"},
+    "reduction": {"effects", "fem", "geometry", "linalg", "scene"},
     "results": {"postprocess"},
     "error": {"contact", "linalg", "results", "timestepping"},
     "visual": {"postprocess", "results"},
-    "export": {"contact", "effects", "fem", "reduction", "scene"},
+    "export": {"contact", "effects", "fem", "geometry", "reduction", "scene"},
     "pipelines": EVERY_ROOM | {"surroundings"},  # of the process that workers are forked from
     "terminal": {"error", "pipelines", "postprocess"},
     "commands": {"examples", "pipelines", "records", "results", "surroundings", "terminal", "visual"},
@@ -56,15 +57,15 @@ TYPES = {
     "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},
     "romdam.reduction.storage.user_cache": {"__init__", "commands", "terminal"},  # listed, cleared by command
-    "romdam.scene.elements": {"results", "visual"},
-    "romdam.scene.meshes.kinds": {"results", "visual"},
+    "romdam.geometry.elements": {"results", "visual"},
+    "romdam.geometry.meshes.kinds": {"results", "visual"},
 }
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
     "xarray": {"core", "error", "pipelines", "postprocess", "results", "terminal", "visual"},
     "matplotlib": {"visual"},
     "obspy": {"records"},
-    "h5py": {"core", "export", "reduction", "results", "scene"},
+    "h5py": {"core", "export", "geometry", "reduction", "results"},
     "h5netcdf": {"results"},
     "PIL": {"visual"},
     "jinja2": {"visual"},
@@ -77,7 +78,7 @@ ONLY_IN = {
     "rich": {"terminal"},
     "pydantic": {"config"},
     "pint": {"config"},
-    "meshio": {"results", "scene"},
+    "meshio": {"geometry", "results"},
     "pyvista": {"visual"},
 }
 

@@ -62,7 +62,7 @@ class Block:
     Attributes
     ----------
     name : unique in the scene
-    element : its name in `romdam.scene.elements`
+    element : its name in `romdam.geometry.elements`
     points : (n, 3) node positions [m]
     cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
     material : of every cell

@@ -42,9 +42,9 @@ from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
+from romdam.geometry.elements import Floats
 from romdam.linalg.dense import eigh, without_roundoff
 from romdam.reduction.basis import Lazy
-from romdam.scene.elements import Floats
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors

@@ -37,7 +37,7 @@ from romdam.core.motion import Motion
 from romdam.core.scene import Sound
 from romdam.core.system import Histories, Rates
 from romdam.fem.water.body import Section
-from romdam.scene.elements import Floats
+from romdam.geometry.elements import Floats
 
 _NETWORK = np.array(  # w_j, k_j, l_j
     [

@@ -45,10 +45,10 @@ from romdam.effects.channel import ChannelDrive, radiating_end
 from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.fem.water.own_mesh import water_body
+from romdam.geometry.elements import Floats
 from romdam.linalg.dense import eigh, independent
 from romdam.linalg.factor import Factor
 from romdam.linalg.modes.eigen import modes_below
-from romdam.scene.elements import Floats
 from romdam.scene.reservoir.reservoir_mesh import PER_WAVE
 
 _FINER = 1.5  # times the cut-off, of a model that estimates compare with

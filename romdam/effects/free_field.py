@@ -44,8 +44,8 @@ from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
 from romdam.fem.damping import rayleigh_coefficients
 from romdam.fem.material import lame
-from romdam.scene.elements import facet_element
-from romdam.scene.facets import area_elements
+from romdam.geometry.elements import facet_element
+from romdam.geometry.facets import area_elements
 
 _PASSED, _LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
 _RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins

@@ -29,9 +29,9 @@ from romdam.effects.effect import Coordinates
 from romdam.fem.assembly import assemble, assemble_mass
 from romdam.fem.gaps import gap_operators, point_operators
 from romdam.fem.parts import assemble_part, gather
+from romdam.geometry.elements import Floats
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solving, make_solver
-from romdam.scene.elements import Floats
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import Part, scene_parts
 

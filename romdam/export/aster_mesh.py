@@ -16,8 +16,8 @@ import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.export.deck import Deck
-from romdam.scene.elements import Element
-from romdam.scene.meshes.kinds import kinds_of
+from romdam.geometry.elements import Element
+from romdam.geometry.meshes.kinds import kinds_of
 
 _WORDS = 8  # of 8 characters on a line
 

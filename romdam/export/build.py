@@ -23,7 +23,7 @@ from romdam.export.deck import Deck, Gaps, Motion, Solid
 from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force
-from romdam.scene.meshes.quality import sound_volume
+from romdam.geometry.meshes.quality import sound_volume
 from romdam.scene.ties import scene_parts
 
 _GIVE = 0.01  # [m] of its blocks' material whose stiffness E / length a rigid gap has, where nothing is rigid

@@ -36,9 +36,9 @@ from romdam.fem.damping import (
 )
 from romdam.fem.gaps import gap_operators
 from romdam.fem.loads import surface_force
+from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Unknowns
+from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.reduction.synthesis import ReducedModel
-from romdam.scene.matrices.data import DIRECTIONS, INTERNAL, Unknowns
-from romdam.scene.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.scene.ties import scene_parts
 
 log = logging.getLogger(__name__)

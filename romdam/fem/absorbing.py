@@ -23,9 +23,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Absorbing, Block, Ints
 from romdam.fem.material import lame
-from romdam.scene.elements import facet_element
-from romdam.scene.facets import area_elements
-from romdam.scene.meshes.kinds import facets_by_kind
+from romdam.geometry.elements import facet_element
+from romdam.geometry.facets import area_elements
+from romdam.geometry.meshes.kinds import facets_by_kind
 
 _ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0  # springs, in units of G / R
 

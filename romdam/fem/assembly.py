@@ -11,9 +11,9 @@ from scipy.sparse import csr_matrix
 from romdam.core.scene import Block, Ints, Material
 from romdam.fem.absorbing import boundary_springs
 from romdam.fem.material import lame
-from romdam.scene.elements import Element, Floats, jacobians
-from romdam.scene.meshes.kinds import chunks_of
-from romdam.scene.meshes.quality import refuse_inverted
+from romdam.geometry.elements import Element, Floats, jacobians
+from romdam.geometry.meshes.kinds import chunks_of
+from romdam.geometry.meshes.quality import refuse_inverted
 
 _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB for tet10
 

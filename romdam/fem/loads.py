@@ -9,9 +9,9 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
 from romdam.fem.assembly import assemble_mass, inertia
-from romdam.scene.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
-from romdam.scene.facets import area_elements, area_vectors, below
-from romdam.scene.meshes.kinds import facets_by_kind, kinds_of
+from romdam.geometry.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
+from romdam.geometry.facets import area_elements, area_vectors, below
+from romdam.geometry.meshes.kinds import facets_by_kind, kinds_of
 
 _CUTS = 6  # parts of an edge of a facet that the water's level cuts
 

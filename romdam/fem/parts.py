@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Bools, Scene
 from romdam.fem.assembly import assemble, inertia
-from romdam.scene.elements import Floats
+from romdam.geometry.elements import Floats
 from romdam.scene.ties import Part, scene_parts
 
 

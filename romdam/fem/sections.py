@@ -20,7 +20,7 @@ from romdam.fem.assembly import assemble
 from romdam.fem.gaps import gap_axes, gap_operators
 from romdam.fem.loads import thermal_force
 from romdam.fem.parts import unknowns
-from romdam.scene.elements import Floats
+from romdam.geometry.elements import Floats
 from romdam.scene.stress.sections import gaps_above, stepping_cells
 
 COMPONENTS = 6  # force along the section's normal and its two axes, moment about them

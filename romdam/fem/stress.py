@@ -32,8 +32,8 @@ from romdam.core.system import PseudoStatic, System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
 from romdam.fem.sections import observed_section_forces, section_operators
-from romdam.scene.elements import ELEMENTS, Element, Floats, jacobians
-from romdam.scene.meshes.kinds import kinds_of
+from romdam.geometry.elements import ELEMENTS, Element, Floats, jacobians
+from romdam.geometry.meshes.kinds import kinds_of
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))

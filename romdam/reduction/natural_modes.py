@@ -22,10 +22,10 @@ from romdam.fem.assembly import inertia
 from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_drag, sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
+from romdam.geometry.meshes.quality import sound_volume
 from romdam.linalg.modes.eigen import lowest_modes_by_blocks
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
-from romdam.scene.meshes.quality import sound_volume
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import scene_parts
 

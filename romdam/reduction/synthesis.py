@@ -23,6 +23,7 @@ from romdam.effects.added_mass import AddedMass
 from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
+from romdam.geometry.meshes.quality import refuse_loose_nodes
 from romdam.linalg.solvers import Solving, candidates
 from romdam.reduction.basis import over_coordinates
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
@@ -33,7 +34,6 @@ from romdam.reduction.methods.massless import has_no_mass, massless_bases, massl
 from romdam.reduction.single_block import reduced_block
 from romdam.reduction.storage.keys import block_key
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.scene.meshes.quality import refuse_loose_nodes
 from romdam.scene.ties import Part, scene_parts
 
 

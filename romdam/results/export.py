@@ -17,10 +17,10 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
 from romdam.core.files import replacing
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.meshes.kinds import kinds_of
 from romdam.results.fields import Result
 from romdam.results.series import Frames, frame_times
-from romdam.scene.elements import ELEMENTS
-from romdam.scene.meshes.kinds import kinds_of
 
 if TYPE_CHECKING:
     import meshio

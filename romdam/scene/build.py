@@ -23,19 +23,19 @@ from romdam.core.scene import (
     Scene,
     Tie,
 )
-from romdam.scene.arch_dam.generator import Dam, arch_dam
-from romdam.scene.boxes import box_block
-from romdam.scene.cutting.pieces import cut_block
-from romdam.scene.elements import Floats
-from romdam.scene.gravity_dam.generator import gravity_dam
+from romdam.geometry.arch_dam.generator import Dam, arch_dam
+from romdam.geometry.boxes import box_block
+from romdam.geometry.cutting.pieces import cut_block
+from romdam.geometry.elements import Floats
+from romdam.geometry.gravity_dam import gravity_dam
+from romdam.geometry.matrices.block import held_by, refuse_unreached, with_matrices
+from romdam.geometry.meshes.files import MeshFiles
+from romdam.geometry.meshes.sizes import refuse_large
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
-from romdam.scene.matrices.block import held_by, refuse_unreached, with_matrices
-from romdam.scene.meshes.files import MeshFiles
-from romdam.scene.meshes.sizes import refuse_large
 from romdam.scene.plausible import odd_remarks
 from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets

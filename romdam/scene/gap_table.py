@@ -9,8 +9,8 @@ import numpy as np
 
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
-from romdam.scene.elements import Floats
-from romdam.scene.nearest import nearest
+from romdam.geometry.elements import Floats
+from romdam.geometry.nearest import nearest
 
 _COLUMNS = ("x", "y", "z", "gap")
 _LARGEST = 100e6  # bytes

@@ -20,14 +20,14 @@ from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Joint, JointFace
 from romdam.core.system import LawRows
-from romdam.scene.elements import Floats, facet_element, facet_frame
-from romdam.scene.facets import gap_weights, node_normals, second_moments
+from romdam.geometry.elements import Floats, facet_element, facet_frame
+from romdam.geometry.facets import gap_weights, node_normals, second_moments
+from romdam.geometry.meshes.kinds import facets_by_kind
+from romdam.geometry.nearest import nearest
 from romdam.scene.gap_table import table_gap
-from romdam.scene.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.nearest import nearest
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.ties import Part
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Bools, Ints
-from romdam.scene.elements import Floats, facet_frame
-from romdam.scene.facets import boundary_facets, facet_keys, facet_normals
-from romdam.scene.nearest import nearest, tree
+from romdam.geometry.elements import Floats, facet_frame
+from romdam.geometry.facets import boundary_facets, facet_keys, facet_normals
+from romdam.geometry.nearest import nearest, tree
 
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _SHOWN = 3

@@ -8,9 +8,9 @@ from itertools import combinations
 import numpy as np
 
 from romdam.core.scene import Block, Joint, Material, Reservoir, Scene
-from romdam.scene.elements import Floats
-from romdam.scene.facets import boundary_facets, facet_areas
-from romdam.scene.meshes.kinds import frame
+from romdam.geometry.elements import Floats
+from romdam.geometry.facets import boundary_facets, facet_areas
+from romdam.geometry.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.select import facet_keys

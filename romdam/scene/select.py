@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from romdam.config.sections.places import FaceRef, PlaneRef
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Ints
-from romdam.scene.facets import boundary_facets, facets_in_plane
+from romdam.geometry.facets import boundary_facets, facets_in_plane
 
 
 def select_facets(block: Block, face: FaceRef, location: str) -> Ints:

@@ -9,8 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
 from romdam.core.system import BlockMatrices
+from romdam.geometry.elements import Floats
 from romdam.linalg.factor import Factor
-from romdam.scene.elements import Floats
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
 _STRAINS = (

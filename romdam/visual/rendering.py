@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
-from romdam.scene.elements import ELEMENTS
-from romdam.scene.meshes.kinds import kinds_of
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.meshes.kinds import kinds_of
 
 if TYPE_CHECKING:
     import pyvista

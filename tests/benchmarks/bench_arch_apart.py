@@ -31,8 +31,8 @@ import romdam
 from romdam.config import parse_config
 from romdam.core.scene import Material
 from romdam.error.metrics import relative_l2
-from romdam.scene.arch_dam.generator import arch_dam
-from romdam.scene.arch_dam.shape import ArchShape
+from romdam.geometry.arch_dam.generator import arch_dam
+from romdam.geometry.arch_dam.shape import ArchShape
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 ROCK = {"material": "fair_rock", "mass": False}

@@ -32,13 +32,13 @@ from romdam.core.system import History, System
 from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import relative_l2
 from romdam.fem.stress import observing_stress
+from romdam.geometry.elements import Floats
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.scene.elements import Floats
 from romdam.timestepping.simulate import simulate_one
 
 EVERY = 0.01

@@ -30,12 +30,12 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Probe, Scene
 from romdam.fem.parts import unknowns
+from romdam.geometry.elements import Floats
 from romdam.pipelines.simulation import prepare, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.scene.elements import Floats
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
 MESHES: dict[str, dict[str, float]] = {

@@ -23,9 +23,9 @@ import yaml
 from romdam.config import parse_config
 from romdam.core.errors import ResultError
 from romdam.core.scene import Block, Scene
+from romdam.geometry.cutting.pieces import cut_block
+from romdam.geometry.cutting.shapes import quality
 from romdam.scene.build import build_scene
-from romdam.scene.cutting.pieces import cut_block
-from romdam.scene.cutting.shapes import quality
 from romdam.scene.ties import scene_parts
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"

@@ -48,7 +48,7 @@ SOLVERS_OF_GAPS = ("pardiso", "pardiso_single", "multigrid")
 def block_of(divisions: tuple[int, ...]) -> Block:
     from romdam.config.sections.job import BoxConfig
     from romdam.core.scene import Material
-    from romdam.scene.boxes import box_block
+    from romdam.geometry.boxes import box_block
 
     x, y, z = (s / n for s, n in zip(SIZE, divisions, strict=True))
     box = BoxConfig(origin=(0.0, 0.0, 0.0), size=SIZE, element_size=(x, y, z), element="tet10")

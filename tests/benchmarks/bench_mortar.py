@@ -33,10 +33,10 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.arrays import Floats
 from romdam.core.scene import Material
 from romdam.error.metrics import relative_l2
+from romdam.geometry.boxes import box_block
 from romdam.pipelines.run import Clock, build_model, silent
 from romdam.pipelines.simulation import simulate_motion
 from romdam.records.record_set import load_motions
-from romdam.scene.boxes import box_block
 from romdam.scene.mortar.gaps import mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 

@@ -19,9 +19,9 @@ import yaml
 from test_cli import call
 
 from romdam.config import load_config, parse_config
+from romdam.geometry.elements import ELEMENTS
 from romdam.records.formats.registry import FORMATS
 from romdam.results.variables import VARIABLES
-from romdam.scene.elements import ELEMENTS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -12,10 +12,10 @@ from decks import boxes, built, columns, written
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.scene import Material
 from romdam.export.code_aster import write_code_aster
-from romdam.scene.meshes.files import MeshFiles
-from romdam.scene.meshes.formats.aster import read_aster
-from romdam.scene.meshes.kinds import mixed_cells
-from romdam.scene.meshes.quality import sound_volume
+from romdam.geometry.meshes.files import MeshFiles
+from romdam.geometry.meshes.formats.aster import read_aster
+from romdam.geometry.meshes.kinds import mixed_cells
+from romdam.geometry.meshes.quality import sound_volume
 
 FRICTION = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"} | {
     "shear_stiffness": "8 GPa/m", "friction": 0.5, "gap": "1 mm", "tension_stiffness": "1 GPa/m",

@@ -16,8 +16,8 @@ from romdam.error.metrics import opening_error
 from romdam.export.abaqus import write_abaqus
 from romdam.export.calculix import write_calculix
 from romdam.export.opensees import write_opensees
+from romdam.geometry.meshes.files import MeshFiles
 from romdam.reduction.natural_modes import natural_modes
-from romdam.scene.meshes.files import MeshFiles
 from romdam.timestepping.integrators.generalized_alpha import GeneralizedAlpha
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings

@@ -11,10 +11,10 @@ from romdam.core.scene import Absorbing, Material, Probe, Scene
 from romdam.effects.full_order import assemble_full
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.assembly import assemble
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import SOLIDS
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.boxes import box_block
-from romdam.scene.elements import SOLIDS
 from romdam.scene.supports import has_no_rigid_body_mode
 
 ROCK = Material(E=24e9, nu=0.2, rho=2500.0)

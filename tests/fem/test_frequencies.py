@@ -18,8 +18,8 @@ from scipy.sparse.linalg import eigsh
 from romdam.config.sections.job import BoxConfig
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
-from romdam.scene.boxes import box_block
-from romdam.scene.elements import SOLIDS
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import SOLIDS
 
 PLATE = Material(E=200e9, nu=0.3, rho=8000.0)
 NAFEMS = [44.762, 110.52, 110.52, 169.08, 193.93, 206.64, 206.64]  # their finite elements

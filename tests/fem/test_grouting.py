@@ -1,11 +1,11 @@
 """Joints grouted under pressure: what they then carry, and how it goes with the loads that follow."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from arch_dams import arch_dam
 from simulating import simulated
 
 from romdam.config import parse_config
@@ -16,9 +16,6 @@ from romdam.results.variables import COORDINATES, Case
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.timestepping.grouting import grouted
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
-from arch_dams import arch_dam
 
 PRESSURE = 0.4e6
 

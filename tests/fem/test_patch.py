@@ -14,9 +14,9 @@ from romdam.core.errors import MeshError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import pressure_force
-from romdam.scene.boxes import box_block
-from romdam.scene.elements import SOLIDS
-from romdam.scene.facets import area_vectors, boundary_facets
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import SOLIDS
+from romdam.geometry.facets import area_vectors, boundary_facets
 
 STEEL = Material(E=210e9, nu=0.3, rho=7850.0)
 

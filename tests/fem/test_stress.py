@@ -19,10 +19,10 @@ from romdam.fem.stress import (
     stress_operator,
     stress_operators,
 )
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import SOLIDS
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.boxes import box_block
 from romdam.scene.build import build_scene
-from romdam.scene.elements import SOLIDS
 
 CONCRETE = Material(E=30e9, nu=0.2, rho=2400.0)
 LAM, MU = 8333333333.333333, 12.5e9  # 30 GPa, 0.2

@@ -18,6 +18,7 @@ from romdam.config import parse_config
 from romdam.core.errors import ConfigError, ReductionError
 from romdam.effects.added_mass import added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
+from romdam.geometry.elements import SOLIDS
 from romdam.reduction.basis import Lazy
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding
@@ -25,7 +26,6 @@ from romdam.reduction.storage.model_file import read_block
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model
 from romdam.scene.build import build_scene
-from romdam.scene.elements import SOLIDS
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 
 SERIES = 16 / np.pi**3 * sum(1 / (2 * k - 1) ** 3 for k in range(1, 200))  # 0.5427, Westergaard's total force

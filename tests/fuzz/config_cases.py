@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -11,14 +10,12 @@ from typing import Annotated, Any, get_args, get_origin
 
 import numpy as np
 import yaml
+from arch_dams import ROCK, arch_dam
+from gravity_dams import FOUNDATION, JOINT, gravity_dam
 from pydantic import BaseModel
 
 from romdam.config import Config, parse_config
 from romdam.config.sections.joint_laws import UserLaw
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
-from arch_dams import ROCK, arch_dam
-from gravity_dams import FOUNDATION, JOINT, gravity_dam
 
 Rng = np.random.Generator
 Place = tuple[str | int, ...]

@@ -9,7 +9,7 @@ from bounded import bounded
 sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
 from test_matrices import PLACE, WRITERS, of_mesh, read
 
-from romdam.scene.matrices.checks import check_matrices
+from romdam.geometry.matrices.checks import check_matrices
 
 SECONDS, MEMORY = 40.0, 6e8
 WORDS = ["0", "-1", "1e300", "nan", "inf", "99999999999", "1.5", "x", "", "1_0", "2 2", "\n", ",", "."]

@@ -19,10 +19,10 @@ from hand_meshes import HAND
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
-from romdam.scene.elements import SOLIDS
-from romdam.scene.meshes.files import MeshFiles, read_mesh_file
+from romdam.geometry.elements import SOLIDS
+from romdam.geometry.meshes.files import MeshFiles, read_mesh_file
 
-DATA = Path(__file__).parents[1] / "scene" / "data"
+DATA = Path(__file__).parents[1] / "geometry" / "data"
 ENDINGS = (
     ".msh", "_binary.msh", "_22.msh", "_22_binary.msh", ".bdf", "_free.bdf", "_large.bdf", ".inp",
     "_ascii.vtu", "_plain.vtu", "_zlib.vtu", "_lzma.vtu", "_raw.vtu", ".unv", ".mail", ".cdb", ".med",

@@ -8,9 +8,9 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
+from romdam.geometry.boxes import box_block
 from romdam.linalg.condensed import CondensedSingle, is_condensable
 from romdam.linalg.factor import Factor
-from romdam.scene.boxes import box_block
 
 pytest.importorskip("pypardiso")
 

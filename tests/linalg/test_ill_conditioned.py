@@ -12,14 +12,14 @@ from romdam.core.errors import MeshError
 from romdam.core.scene import Material, Scene, Tie
 from romdam.fem.assembly import assemble
 from romdam.fem.parts import assemble_part
+from romdam.geometry.boxes import box_block
+from romdam.geometry.meshes.files import MeshFiles
+from romdam.geometry.meshes.quality import refuse_bad_cells
 from romdam.linalg.modes.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, make_solver
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.boxes import box_block
-from romdam.scene.meshes.files import MeshFiles
-from romdam.scene.meshes.quality import refuse_bad_cells
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import merged_parts
 

@@ -8,10 +8,10 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
+from romdam.geometry.boxes import box_block
 from romdam.linalg.dissection import dissected
 from romdam.linalg.factor import Factor
 from romdam.linalg.multifrontal import Multifrontal
-from romdam.scene.boxes import box_block
 
 
 def mesh(element, held=True):

@@ -15,6 +15,7 @@ from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
+from romdam.geometry.boxes import box_block
 from romdam.linalg import conjugate, multigrid, solvers
 from romdam.linalg.factor import Factor
 from romdam.linalg.modes import krylov
@@ -24,7 +25,6 @@ from romdam.linalg.modes.lobpcg import Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.solvers import Solving, candidates, make_solver
 from romdam.reduction.methods.craig_bampton import FREE_SHIFT
-from romdam.scene.boxes import box_block
 from romdam.scene.supports import rigid_motions
 
 pytest.importorskip("pyamg")

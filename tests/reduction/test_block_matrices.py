@@ -18,16 +18,16 @@ from romdam.core.sealed import creating, reading
 from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble
+from romdam.geometry.matrices.data import DIRECTIONS, Unknowns
+from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.scene.matrices.data import DIRECTIONS, Unknowns
-from romdam.scene.matrices.hdf5 import write_matrix, write_unknowns
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
 from gravity_dams import FOUNDATION, gravity_dam
 
-DATA = Path(__file__).parents[1] / "scene" / "data" / "calculix"
+DATA = Path(__file__).parents[1] / "geometry" / "data" / "calculix"
 RAYLEIGH = RayleighConfig(frequencies=(10.0, 100.0), ratio=0.05)
 DAMPING = DampingConfig(rayleigh=RAYLEIGH)
 ALL = ModelConfig(modes="all")

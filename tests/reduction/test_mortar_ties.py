@@ -22,16 +22,16 @@ from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.parts import assemble_part, basis_over_unknowns, gather, unknowns
 from romdam.fem.stress import modal_stress, observed_stress, stress_operators
+from romdam.geometry.boxes import box_block
+from romdam.geometry.facets import area_vectors, boundary_facets
+from romdam.geometry.meshes.files import MeshFiles
 from romdam.linalg.solvers import Solving
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.staging import staged_displacement
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene.boxes import box_block
-from romdam.scene.facets import area_vectors, boundary_facets
 from romdam.scene.joints import build_joint
-from romdam.scene.meshes.files import MeshFiles
 from romdam.scene.reservoir.build import build_reservoir
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import static_equilibrium

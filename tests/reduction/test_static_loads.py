@@ -14,12 +14,12 @@ from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, static_force, surface_force, thermal_force
 from romdam.fem.stress import stress_operators
+from romdam.geometry.elements import SOLIDS
 from romdam.linalg.factor import Factor
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.storage.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-from romdam.scene.elements import SOLIDS
 from romdam.timestepping.equilibrium import static_equilibrium
 
 sys.path.append(str(Path(__file__).parents[1] / "scene"))

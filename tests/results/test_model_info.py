@@ -9,13 +9,13 @@ from romdam.cli import app
 from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.errors import ResultError
 from romdam.core.scene import Material, Scene
+from romdam.geometry.boxes import box_block
 from romdam.reduction.methods.craig_bampton import ModeChoice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model
 from romdam.results.model_info import model_lines
 from romdam.results.stress.file import StressFields, write_stress
-from romdam.scene.boxes import box_block
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from romdam.cli import app
 from romdam.core.errors import ResultError
+from romdam.geometry.elements import SOLIDS
 from romdam.pipelines.views import view_result
 from romdam.postprocess.stress.summary import principal_stresses
 from romdam.results.series import Frames, frame_times
-from romdam.scene.elements import SOLIDS
 from romdam.visual.view.moving import _corner_facets, moving
 from romdam.visual.view.page import MISSING, MOST
 

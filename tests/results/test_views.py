@@ -16,13 +16,13 @@ from PIL import Image
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ResultError
+from romdam.geometry.elements import SOLIDS
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
 from romdam.results import series
 from romdam.results.export import mesh_of, write_series, write_vtu
 from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
-from romdam.scene.elements import SOLIDS
 from romdam.terminal.tables import peaks_table
 from romdam.visual import field_views, rendering
 

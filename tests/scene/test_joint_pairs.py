@@ -8,8 +8,8 @@ from scene_builders import box, two_boxes
 
 from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError, MeshError
-from romdam.scene.elements import SOLIDS
-from romdam.scene.facets import boundary_facets
+from romdam.geometry.elements import SOLIDS
+from romdam.geometry.facets import boundary_facets
 from romdam.scene.joints import build_joint, local_axes
 
 

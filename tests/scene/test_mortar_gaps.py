@@ -5,7 +5,7 @@ import pytest
 from mortar_blocks import FACE, IDS, PAIRS, SIZE, pair, turn
 
 from romdam.core.scene import Block
-from romdam.scene.facets import area_vectors, facet_areas
+from romdam.geometry.facets import area_vectors, facet_areas
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 

@@ -10,8 +10,8 @@ from scene_builders import box, two_boxes
 
 import romdam
 from romdam.core.errors import ConfigError, MeshError
+from romdam.geometry.facets import facet_areas
 from romdam.scene.build import build_scene
-from romdam.scene.facets import facet_areas
 from romdam.scene.mortar.clearance import sagittas
 from romdam.scene.mortar.gaps import mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from mortar_blocks import FACE, IDS, PAIRS, pair, turn
 
-from romdam.scene.elements import ELEMENTS
-from romdam.scene.facets import area_vectors
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.facets import area_vectors
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.ties import tie_weights
 

@@ -8,7 +8,7 @@ from scene_builders import box, two_boxes
 
 from romdam.core.errors import ConfigError
 from romdam.fem.loads import static_force
-from romdam.scene.elements import SOLIDS
+from romdam.geometry.elements import SOLIDS
 from romdam.scene.supports import has_no_rigid_body_mode, refuse_free_blocks
 
 

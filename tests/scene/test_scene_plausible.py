@@ -10,7 +10,7 @@ from scene_builders import box, two_boxes
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
 from romdam.core.machine import machine_memory
-from romdam.scene.elements import SOLIDS
+from romdam.geometry.elements import SOLIDS
 
 CONCRETE = {"E": 30e9, "nu": 0.18, "rho": 2440.0}
 THIN = {"axis": "y", "at": 2.0}

@@ -12,7 +12,9 @@ from romdam.core.errors import quote
 
 Axis = Literal["x", "y", "z"]
 GridElement = Literal["hex8", "hex20", "hex27", "tet4", "tet10"]
-ElementName = Literal[GridElement, "wedge6", "wedge15", "pyramid5", "pyramid13"]  # see romdam.scene.elements
+ElementName = Literal[
+    GridElement, "wedge6", "wedge15", "pyramid5", "pyramid13"
+]  # see romdam.geometry.elements
 Vector = tuple[Length, Length, Length]
 Direction = tuple[Dimensionless, Dimensionless, Dimensionless]
 Tolerance = Annotated[Length, Field(gt=0.0, le=10.0)]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Ints
-from romdam.scene.elements import Element, Floats
+from romdam.geometry.elements import Element, Floats
 
 _ALONG = {  # of nodes on a straight edge of unit length: int N N dl, and what it is to be divided by
     2: (np.array([[2.0, 1.0], [1.0, 2.0]]), 6.0),

@@ -9,9 +9,9 @@ from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.assembly import cell_geometry
 from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
 from romdam.fem.water.prism import prism_body
-from romdam.scene.elements import Floats, facet_element
-from romdam.scene.facets import area_elements, area_vectors, row_numbers
-from romdam.scene.meshes.kinds import chunks_of
+from romdam.geometry.elements import Floats, facet_element
+from romdam.geometry.facets import area_elements, area_vectors, row_numbers
+from romdam.geometry.meshes.kinds import chunks_of
 from romdam.scene.mortar.segments import integrand_degree, samples
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.reservoir.reservoir_mesh import lying_on

@@ -14,8 +14,8 @@ from scipy.sparse import block_diag, csr_matrix
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
-from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import row_numbers
+from romdam.geometry.elements import ELEMENTS, Floats
+from romdam.geometry.facets import row_numbers
 from romdam.scene.reservoir.reservoir_mesh import UPRIGHT
 from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 

@@ -20,8 +20,8 @@ from romdam.fem.loads import weight_force
 from romdam.fem.parts import assemble_part, gather
 from romdam.fem.sections import initial_section_forces
 from romdam.fem.stress import thermal_stress
+from romdam.geometry.elements import Floats
 from romdam.linalg.factor import Factor
-from romdam.scene.elements import Floats
 from romdam.scene.ties import Part, scene_parts
 
 

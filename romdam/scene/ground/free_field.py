@@ -10,9 +10,9 @@ import numpy as np
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, FreeField, Ints, Material
-from romdam.scene.elements import ELEMENTS, Floats
-from romdam.scene.facets import boundary_facets, facet_normals
-from romdam.scene.meshes.kinds import refuse_wedges
+from romdam.geometry.elements import ELEMENTS, Floats
+from romdam.geometry.facets import boundary_facets, facet_normals
+from romdam.geometry.meshes.kinds import refuse_wedges
 
 log = logging.getLogger(__name__)
 

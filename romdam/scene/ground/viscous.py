@@ -11,8 +11,8 @@ import numpy as np
 from romdam.config.sections.ground import GroundConfig, ViscousConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Absorbing, Block, Ints
-from romdam.scene.elements import Floats
-from romdam.scene.facets import area_vectors
+from romdam.geometry.elements import Floats
+from romdam.geometry.facets import area_vectors
 from romdam.scene.select import refuse_selected_twice, select_facets
 
 log = logging.getLogger(__name__)

@@ -6,8 +6,8 @@ import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.scene import JointFace
-from romdam.scene.elements import Element, facet_element, simplex_rule
-from romdam.scene.facets import area_elements, below
+from romdam.geometry.elements import Element, facet_element, simplex_rule
+from romdam.geometry.facets import area_elements, below
 from romdam.scene.joint_water.diagram import Diagram
 from romdam.scene.mortar.surface import local_coordinates
 

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
-from romdam.scene.elements import Element
+from romdam.geometry.elements import Element
 from romdam.scene.mortar.segments import Samples
 from romdam.scene.mortar.surface import Surface
 

@@ -8,10 +8,10 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Floats, Ints
+from romdam.geometry.nearest import tree
 from romdam.scene.mortar.dual import coupling
 from romdam.scene.mortar.interface import MortarInterface
 from romdam.scene.mortar.segments import integrand_degree, samples
-from romdam.scene.nearest import tree
 
 
 @dataclass(frozen=True)

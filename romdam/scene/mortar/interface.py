@@ -10,8 +10,8 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
-from romdam.scene.facets import node_normals
-from romdam.scene.meshes.kinds import facets_by_kind
+from romdam.geometry.facets import node_normals
+from romdam.geometry.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.clearance import refuse_clearance
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface, local_coordinates

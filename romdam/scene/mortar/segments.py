@@ -7,10 +7,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from romdam.core.arrays import Bools, Floats, Ints
-from romdam.scene.elements import simplex_rule
+from romdam.geometry.elements import simplex_rule
+from romdam.geometry.nearest import tree
 from romdam.scene.mortar.clipping import clip, polygon_areas
 from romdam.scene.mortar.surface import Pieces, Surface, local_coordinates
-from romdam.scene.nearest import tree
 
 REACH = 0.1  # distance of pieces that face each other, in sizes of the smaller, beyond the tolerance
 _OPPOSED = -0.5  # cosine: faces that touch look at each other

@@ -9,9 +9,9 @@ import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.scene import Block
-from romdam.scene.elements import Element, facet_element, facet_frame
-from romdam.scene.facets import boundary_facets, facet_areas
-from romdam.scene.meshes.kinds import facets_by_kind
+from romdam.geometry.elements import Element, facet_element, facet_frame
+from romdam.geometry.facets import boundary_facets, facet_areas
+from romdam.geometry.meshes.kinds import facets_by_kind
 
 _STRAIGHT = 1e-8  # distance of a node from where a flat facet with straight edges has it, in facet sizes
 _NEWTON = 20

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Floats, Ints
-from romdam.scene.elements import Element
+from romdam.geometry.elements import Element
 from romdam.scene.mortar.dual import coupling, without_round_off
 from romdam.scene.mortar.interface import MortarInterface
 from romdam.scene.mortar.segments import integrand_degree, samples

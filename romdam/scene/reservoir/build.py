@@ -9,9 +9,9 @@ import numpy as np
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Joint, Reservoir, Sound, Tie, WetFace
-from romdam.scene.elements import Floats
-from romdam.scene.facets import area_vectors, facet_normals
-from romdam.scene.meshes.files import MeshFiles
+from romdam.geometry.elements import Floats
+from romdam.geometry.facets import area_vectors, facet_normals
+from romdam.geometry.meshes.files import MeshFiles
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.reservoir.reservoir_mesh import reservoir_mesh

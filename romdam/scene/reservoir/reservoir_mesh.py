@@ -18,14 +18,14 @@ from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Material, Reservoir, Sound
-from romdam.scene.elements import ELEMENTS
-from romdam.scene.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
-from romdam.scene.meshes.files import MeshFiles
-from romdam.scene.meshes.kinds import refuse_wedges
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
+from romdam.geometry.meshes.files import MeshFiles
+from romdam.geometry.meshes.kinds import refuse_wedges
+from romdam.geometry.nearest import tree
 from romdam.scene.mortar.interface import STEEPEST
 from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.nearest import tree
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 from romdam.scene.select import select_facets
 

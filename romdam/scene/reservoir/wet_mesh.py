@@ -13,9 +13,9 @@ from scipy.sparse import coo_array, csr_matrix, diags_array
 from scipy.sparse.csgraph import connected_components
 
 from romdam.core.scene import Block, Bools, Ints, Reservoir
-from romdam.scene.elements import ELEMENTS, Element, Floats, facet_element
-from romdam.scene.meshes.kinds import facets_by_kind
-from romdam.scene.nearest import tree
+from romdam.geometry.elements import ELEMENTS, Element, Floats, facet_element
+from romdam.geometry.meshes.kinds import facets_by_kind
+from romdam.geometry.nearest import tree
 
 _SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
 _BESIDE = 0.05  # of an edge, how far beside another it may be to lie on it

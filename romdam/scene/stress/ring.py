@@ -20,8 +20,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
-from romdam.scene.elements import ELEMENTS, Floats, facet_element
-from romdam.scene.facets import (
+from romdam.geometry.elements import ELEMENTS, Floats, facet_element
+from romdam.geometry.facets import (
     area_vectors,
     boundary_facets,
     facet_areas,
@@ -29,8 +29,8 @@ from romdam.scene.facets import (
     facet_normals,
     row_numbers,
 )
-from romdam.scene.meshes.kinds import facets_by_kind, frame
-from romdam.scene.nearest import tree
+from romdam.geometry.meshes.kinds import facets_by_kind, frame
+from romdam.geometry.nearest import tree
 
 _FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
 _SAME = 1e-6  # of the scene's size: nodes as near as that are one

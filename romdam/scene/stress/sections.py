@@ -20,9 +20,9 @@ import numpy as np
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, JointFace, Section
-from romdam.scene.elements import Floats
-from romdam.scene.facets import below
-from romdam.scene.meshes.kinds import frame
+from romdam.geometry.elements import Floats
+from romdam.geometry.facets import below
+from romdam.geometry.meshes.kinds import frame
 
 _WINDOWS = 4
 _APART = 0.5  # of a cell's height, at least, from level to level

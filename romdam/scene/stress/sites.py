@@ -10,8 +10,8 @@ import numpy as np
 from romdam.config.sections.stress import RingConfig, StressConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import MOST_RING, Block, Bools, Ints, Joint, StressFace, StressNodes, StressSites, Tie
-from romdam.scene.elements import Floats
-from romdam.scene.facets import gap_weights, node_normals
+from romdam.geometry.elements import Floats
+from romdam.geometry.facets import gap_weights, node_normals
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.ring import near_contacts, near_edges, singular_edges
 from romdam.scene.stress.sections import build_section

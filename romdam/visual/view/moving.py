@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib.colors import Colormap
 
 from romdam.core.arrays import Floats, Ints
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.meshes.kinds import kinds_of
 from romdam.postprocess.stress.summary import principal_stresses
 from romdam.results.fields import Result
 from romdam.results.series import Frames, dam_blocks, frame_times
-from romdam.scene.elements import ELEMENTS
-from romdam.scene.meshes.kinds import kinds_of
 from romdam.visual.field_views import magnification
 from romdam.visual.style import directions, range_colours
 

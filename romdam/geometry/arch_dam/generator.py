@@ -1,0 +1,302 @@
+"""An arch dam meshed by structured hexahedra: cantilevers, perimeter and rock on one grid.
+
+The dam is a grid (a along the arc, b through the thickness, c up). Its contact with the ground, down the
+left end face, along the feet and up the right end face, is a path p; perimeter and rock are a grid (p, b, l)
+with l the layers outward from the path along rays from the middle of the crest, and b continued up- and
+downstream.
+The perimeter fills the first layers below the dam, the rock the rest. All blocks take their nodes from one
+numbering, so that every contact conforms; tetrahedra are mirrored on the left bank, which lets their
+diagonals agree around the corners of the path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from romdam.config.sections.geometry.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
+from romdam.config.sections.ground import ViscousConfig
+from romdam.core.scene import Block, Bools, Ints, Material, Tie
+from romdam.geometry.arch_dam.rock import Ground, ground_grid
+from romdam.geometry.arch_dam.shape import ArchShape
+from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
+from romdam.geometry.elements import ELEMENTS, Floats
+from romdam.geometry.facets import boundary_facets
+from romdam.geometry.meshes.quality import refuse_bad_cells
+
+_TO_MIRROR = [1, 0, 3, 2, 5, 4, 7, 6]
+_ON = 1e-6  # of the rock's size: distance from a plane that counts as on it
+
+
+@dataclass(frozen=True)
+class Dam:
+    """Blocks, ties and supports that a dam made of a few keys adds to a scene.
+
+    Attributes
+    ----------
+    blocks : of concrete, then of rock
+    ties : contacts (and joints, where they are tied)
+    held : block -> (n, 3) True where the ground holds a component
+    excluded_from_gravity : blocks whose weight has acted before the dam is built
+    viscous : outer faces of the rock that take waves up
+    """
+
+    blocks: dict[str, Block]
+    ties: tuple[Tie, ...]
+    held: dict[str, Bools]
+    excluded_from_gravity: frozenset[str]
+    viscous: tuple[ViscousConfig, ...] = ()
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """All hexahedra: nodes, block of each, whether its tetrahedra are mirrored; positions and tags of nodes.
+
+    A tag is a node's place in a grid: (a, b, c) in the dam, (p, b, l) in the ground.
+    """
+
+    points: Floats
+    cells: Ints
+    owner: Ints
+    mirrored: Bools
+    tags: dict[bool, Floats]
+
+
+def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: str) -> Dam:
+    """Mesh an arch dam.
+
+    Parameters
+    ----------
+    materials : by name
+    location : file and key, for messages
+
+    Raises
+    ------
+    ConfigError
+        for a valley that cuts the arcs, a thickness of 0, joints that would cross, rock smaller than the dam,
+        and a zone that covers nothing.
+    MeshError
+        for elements turned inside out.
+    """
+    config = config.model_copy(update={"divisions": config.divisions.refined})
+    shape = ArchShape(config, location)
+    dam = _dam_points(shape)
+    ground = ground_grid(config, dam, location)
+    grid = _grid(config, dam, ground)
+    points, cells, tags = _elements(grid, config.element)
+    owner = np.repeat(grid.owner, len(cells) // len(grid.owner))
+    kinds = _block_materials(config, materials)
+    blocks, numbers = {}, {}
+    for k, name in enumerate(config.block_names):
+        numbers[name], local = np.unique(cells[owner == k], return_inverse=True)
+        cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
+        block = Block(name, config.element, points[numbers[name]], cell_nodes, kinds[name], {})
+        where = tags[k < config.cantilevers][numbers[name]]
+        blocks[name] = replace(block, faces=_faces(config, block, where, ground))
+        refuse_bad_cells(blocks[name], location)
+    zones = config.rock.zones if config.rock else {}
+    excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
+    held, ties = _held(config, blocks), _ties(config, blocks, numbers)
+    return Dam(blocks, ties, held, excluded, _viscous(config, blocks))
+
+
+def _dam_points(shape: ArchShape) -> Floats:
+    """(na + 1, nb + 1, nc + 1, 3) corners of the dam's hexahedra.
+
+    Feet are straight between joints, so that refining the mesh does not change the dam.
+    """
+    config, d = shape.config, shape.config.divisions
+    joints = np.linspace(-shape.end, shape.end, config.cantilevers + 1)
+    theta = np.linspace(-shape.end, shape.end, config.cantilevers * d.along + 1)
+    foot = np.interp(theta, joints, shape.foot(joints))
+    b = np.linspace(0.0, 1.0, d.through + 1)[None, :, None]
+    c = np.linspace(0.0, 1.0, d.up + 1)[None, None, :]
+    z = foot[:, None, None] + (config.crest - foot)[:, None, None] * c
+    return shape.point(theta[:, None, None], b, z)
+
+
+def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
+    """Number the nodes and collect the hexahedra."""
+    na, nb, nc = (n - 1 for n in dam.shape[:3])
+    number = np.arange(dam[..., 0].size).reshape(dam.shape[:3])
+    a = np.repeat(np.arange(na), nb * nc)
+    inner = _Grid(
+        points=dam.reshape(-1, 3),
+        cells=hexahedra(number),
+        owner=a // config.divisions.along,
+        mirrored=2 * a < na,
+        tags={True: _tags(number, number.size)},
+    )
+    return inner if ground is None else _with_ground(inner, number, ground, list(config.block_names))
+
+
+def _with_ground(inner: _Grid, dam: Ints, ground: Ground, names: list[str]) -> _Grid:
+    first = len(inner.points)
+    number = ground.number(dam, first)
+    fresh = number >= first
+    count = first + int(fresh.sum())
+    cells = hexahedra(number[:, :, ::-1]).reshape(*(n - 1 for n in number.shape), 8)[:, :, ::-1]
+    piece_of = ground.parts(names)
+    filled = piece_of >= 0
+    left = np.broadcast_to(2 * np.arange(len(piece_of))[:, None, None] < len(piece_of), piece_of.shape)
+    rest = np.full((count - first, 3), np.nan)
+    return _Grid(
+        points=np.vstack([inner.points, ground.points[fresh]]),
+        cells=np.vstack([inner.cells, cells[filled]]),
+        owner=np.concatenate([inner.owner, piece_of[filled]]),
+        mirrored=np.concatenate([inner.mirrored, left[filled]]),
+        tags={True: np.vstack([inner.tags[True], rest]), False: _tags(number, count)},
+    )
+
+
+def _tags(number: Ints, count: int) -> Floats:
+    """Place in a grid of node numbers of every node 0 to count, nan where it is not in it."""
+    tags = np.full((count, 3), np.nan)
+    there = number >= 0
+    tags[number[there]] = np.argwhere(there)
+    return tags
+
+
+def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Floats]]:
+    """Points, cells of the element wanted (in the order of the hexahedra), and the tags of all points."""
+    cells = grid.cells
+    if element.startswith("tet"):
+        turned = np.where(grid.mirrored[:, None], cells[:, _TO_MIRROR], cells)
+        cells = split_into_tets(turned)
+        inside_out = np.repeat(grid.mirrored, len(cells) // len(turned))
+        cells = np.where(inside_out[:, None], cells[:, [0, 2, 1, 3]], cells)
+    whole = np.hstack([grid.points, *grid.tags.values()])
+    whole, cells = with_middle_nodes(whole, cells, ELEMENTS[element])
+    points, *tags = np.ascontiguousarray(whole.reshape(len(whole), -1, 3).transpose(1, 0, 2))
+    return points, cells, dict(zip(grid.tags, tags, strict=True))
+
+
+def _block_materials(config: ArchDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
+    names = dict.fromkeys(config.cantilever_names, materials[config.material])
+    if config.perimeter:
+        names[PERIMETER] = materials[config.perimeter.material]
+    for zone, rock in config.rock.zones.items() if config.rock else ():
+        names[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
+    return names
+
+
+def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | None) -> dict[str, Ints]:
+    facets = boundary_facets(block.cells, block.element)
+    where, points = tags[facets], block.points[facets]
+    if block.name in config.cantilever_names:
+        faces = _cantilever_faces(config, block.name, where)
+    elif block.name == PERIMETER:
+        assert ground is not None
+        faces = _perimeter_faces(where, ground)
+    else:
+        assert ground is not None
+        faces = _rock_faces(config, where, points, ground)
+    return {name: facets[on] for name, on in faces.items() if on.any()}
+
+
+def _cantilever_faces(config: ArchDamConfig, name: str, where: Floats) -> dict[str, Bools]:
+    d, k = config.divisions, config.cantilever_names.index(name)
+    a, b, c = np.moveaxis(where, -1, 0)
+    sides = {k: k * d.along, k + 1: (k + 1) * d.along}
+    ends = [i for i in sides if i in (0, config.cantilevers)]
+    contact = (c == 0).all(axis=1)
+    for i in ends:
+        contact |= (a == sides[i]).all(axis=1)
+    faces = {
+        "upstream": (b == 0).all(axis=1),
+        "downstream": (b == d.through).all(axis=1),
+        "crest": (c == d.up).all(axis=1),
+        "contact": contact,
+    }
+    return faces | {f"{JOINT}{i}": (a == at).all(axis=1) for i, at in sides.items() if i not in ends}
+
+
+def _perimeter_faces(where: Floats, ground: Ground) -> dict[str, Bools]:
+    p, b, l = np.moveaxis(where, -1, 0)
+    first, last = ground.under
+    return {
+        "dam": (l == 0).all(axis=1),
+        "contact": (l == ground.layers).all(axis=1),
+        "upstream": (b == first).all(axis=1),
+        "downstream": (b == last).all(axis=1),
+        "crest": (p == 0).all(axis=1) | (p == ground.path).all(axis=1),
+    }
+
+
+def _rock_faces(config: ArchDamConfig, where: Floats, points: Floats, ground: Ground) -> dict[str, Bools]:
+    rock = config.rock
+    assert rock is not None
+    p, b, l = np.moveaxis(where, -1, 0)
+    x, y, z = np.moveaxis(points, -1, 0)
+    tolerance = _ON * rock.half_width
+    first, last = ground.under
+    below = (b >= first) & (b <= last) & (l <= ground.layers)
+
+    def on(coordinate: Floats, at: float) -> Bools:
+        return np.asarray((np.abs(coordinate - at) <= tolerance).all(axis=1))
+
+    contact = below.all(axis=1)
+    top = (p == 0).all(axis=1) | (p == ground.path).all(axis=1) | (l == 0).all(axis=1)
+    return {
+        "base": on(z, config.base - rock.depth),
+        "side_left": on(x, -rock.half_width),
+        "side_right": on(x, rock.half_width),
+        "side_upstream": on(y, -rock.upstream),
+        "side_downstream": on(y, rock.downstream),
+        "contact": contact,
+        "surface": top & ~contact,
+    }
+
+
+def _viscous(config: ArchDamConfig, blocks: dict[str, Block]) -> tuple[ViscousConfig, ...]:
+    """Outer faces of the rock that take waves up, with their distance from the dam."""
+    rock = config.rock
+    if rock is None or rock.boundary == "fixed":
+        return ()
+    distance = {"base": rock.depth, "side_left": rock.half_width, "side_right": rock.half_width}
+    distance |= {"side_upstream": rock.upstream, "side_downstream": rock.downstream}
+    return tuple(
+        ViscousConfig(block=name, faces=(face,), distance=away)
+        for name, block in blocks.items()
+        if name.startswith(f"{ROCK}_")
+        for face, away in distance.items()
+        if face in block.faces
+    )
+
+
+def _ties(config: ArchDamConfig, blocks: dict[str, Block], numbers: dict[str, Ints]) -> tuple[Tie, ...]:
+    """Merged interfaces: cantilevers and ground, the ground's blocks, tied joints."""
+    cantilevers = config.cantilever_names
+    ground = [name for name in blocks if name not in cantilevers]
+    pairs = [(c, g) for c in cantilevers for g in ground]
+    pairs += [(g, h) for i, g in enumerate(ground) for h in ground[i + 1 :]]
+    if config.joints == "tied":
+        pairs += list(pairwise(cantilevers))
+    ties = []
+    for I, J in pairs:
+        _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
+        if len(at_I):
+            ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
+    return tuple(ties)
+
+
+def _held(config: ArchDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:
+    """Components that the ground holds: the rock's base, its sides normal to themselves, or the contact."""
+    held = {name: np.zeros(block.points.shape, dtype=bool) for name, block in blocks.items()}
+    if config.rock and config.rock.boundary == "viscous":
+        return held
+    if config.rock:
+        faces = {"base": [0, 1, 2], "side_left": [0], "side_right": [0]}
+        faces |= {"side_upstream": [1], "side_downstream": [1]}
+    else:
+        faces = {"contact": [0, 1, 2]}
+    for name, block in blocks.items():
+        if config.perimeter and not config.rock and name != PERIMETER:
+            continue
+        for face, components in faces.items():
+            if face in block.faces:
+                nodes = np.unique(block.faces[face])
+                held[name][nodes[:, None], components] = True
+    return held

@@ -1,0 +1,263 @@
+"""The ground of an arch dam: perimeter and rock as one grid around the path of the contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig, ZoneConfig
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Bools, Ints
+from romdam.geometry.elements import Floats
+
+_THIN = 1e-4  # share of the first of the layers that grow
+_FLAT = 0.3  # least cosine between a ray and the contact's normal for which the thickness is corrected
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The grid (p, b, l) of the ground.
+
+    Attributes
+    ----------
+    points : (np + 1, rows + 1, layers in all + 1, 3) [m]
+    under : first and last b below the dam
+    layers : layers of the perimeter; 0 without
+    zone : (np, rows, layers) number of the zone of each cell, -1 where there is no rock
+    perimeter : (np, rows, layers) whether a cell is the perimeter's
+    zones : names
+    contact : (np + 1, 2) the dam's (a, c) of every p
+    """
+
+    points: Floats
+    under: tuple[int, int]
+    layers: int
+    zone: Ints
+    perimeter: Bools
+    zones: tuple[str, ...]
+    contact: Ints
+
+    @property
+    def path(self) -> int:
+        """Last p."""
+        return len(self.contact) - 1
+
+    def number(self, dam: Ints, first: int) -> Ints:
+        """Node numbers of the grid: the dam's on the contact, new ones from `first` on, else -1."""
+        used = self._used()
+        number = np.full(used.shape, -1)
+        shared = np.zeros_like(used)
+        shared[:, self.under[0] : self.under[1] + 1, 0] = True
+        fresh = used & ~shared
+        number[fresh] = first + np.arange(int(fresh.sum()))
+        a, c = self.contact.T
+        number[:, self.under[0] : self.under[1] + 1, 0] = dam[a, :, c]
+        return number
+
+    def _used(self) -> Bools:
+        filled = self.perimeter | (self.zone >= 0)
+        used = np.zeros(tuple(n + 1 for n in filled.shape), dtype=bool)
+        for shift in np.ndindex(2, 2, 2):
+            corner = tuple(slice(s, s + n) for s, n in zip(shift, filled.shape, strict=True))
+            used[corner] |= filled
+        return used
+
+    def parts(self, names: list[str]) -> Ints:
+        """Number of the block of every cell in a list of names, -1 where there is none."""
+        piece = np.full(self.zone.shape, -1)
+        if self.perimeter.any():
+            piece[self.perimeter] = names.index(PERIMETER)
+        for k, zone in enumerate(self.zones):
+            piece[self.zone == k] = names.index(f"{ROCK}_{zone}")
+        return piece
+
+
+def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | None:
+    """Lay the ground around a dam's grid of points (na + 1, nb + 1, nc + 1, 3); None without any.
+
+    Raises
+    ------
+    ConfigError
+        for rock smaller than the dam, and zones that cover nothing or leave cells out.
+    """
+    if config.perimeter is None and config.rock is None:
+        return None
+    na, nb, nc = (n - 1 for n in dam.shape[:3])
+    contact = np.array(
+        [(0, c) for c in range(nc, 0, -1)]
+        + [(a, 0) for a in range(na + 1)]
+        + [(na, c) for c in range(1, nc + 1)]
+    )
+    inner = dam[contact[:, 0], :, contact[:, 1]]
+    rays = _rays(inner, config.crest)
+    layers = [inner]
+    if config.perimeter:
+        thickness = config.perimeter.thickness * _stretch(inner, rays)[:, None, None]
+        share = np.linspace(0.0, 1.0, config.divisions.perimeter + 1)[1:]
+        layers += [inner + s * thickness * rays for s in share]
+    count = len(layers) - 1
+    if config.rock is None:
+        points = np.stack(layers, axis=2)
+        filled = np.ones(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
+        return Ground(points, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
+    _refuse_small(config, config.rock, layers[-1], location)
+    outer = _box(config, config.rock, layers[-1], rays)
+    for key in ("rock", "upstream", "downstream"):
+        refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{location}.divisions.{key}")
+    share = graded(config.divisions.rock, config.divisions.growth)[1:]
+    layers += [layers[count] + s * (outer - layers[count]) for s in share]
+    points, under = _rows(config, config.rock, np.stack(layers, axis=2))
+    return _zoned(config, config.rock, points, under, count, contact, location)
+
+
+def _rays(inner: Floats, crest: float) -> Floats:
+    """Unit vectors in x and z from the middle of the crest through the contact's points."""
+    away = inner - np.array([0.0, 0.0, crest])
+    away[..., 1] = 0.0
+    return away / np.linalg.norm(away, axis=-1, keepdims=True)
+
+
+def _stretch(inner: Floats, rays: Floats) -> Floats:
+    """Length along each ray per thickness across the contact, (np + 1,); the larger one at corners."""
+    middle = inner.mean(axis=1)
+    along = np.diff(middle, axis=0)
+    normal = np.stack(
+        [along[:, 2], -along[:, 0]], axis=1
+    )  # outward: to the left going down, down going right
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    ray = rays.mean(axis=1)[:, [0, 2]]
+    cosine = np.abs(np.stack([(normal * ray[:-1]).sum(axis=1), (normal * ray[1:]).sum(axis=1)]))
+    least = np.minimum(np.append(cosine[0], np.inf), np.insert(cosine[1], 0, np.inf))
+    return 1.0 / np.maximum(least, _FLAT)
+
+
+def _refuse_small(config: ArchDamConfig, rock: RockConfig, inner: Floats, location: str) -> None:
+    extents = {
+        "half_width": (rock.half_width, float(np.abs(inner[..., 0]).max())),
+        "upstream": (rock.upstream, float(-inner[..., 1].min())),
+        "downstream": (rock.downstream, float(inner[..., 1].max())),
+        "depth": (rock.depth, float(config.base - inner[..., 2].min())),
+    }
+    for key, (extent, needed) in extents.items():
+        if extent <= needed:
+            raise ConfigError(
+                f"{location}.rock.{key}: the rock is smaller than the dam: {extent:g} m, but dam and "
+                "perimeter "
+                f"reach {needed:.4g} m; make it larger, commonly by one or two heights of the dam"
+            )
+
+
+def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -> Floats:
+    """Points where the rays leave the box; the two rays nearest to its lower edges are turned into them."""
+    half, drop = rock.half_width, config.crest - config.base + rock.depth
+    with np.errstate(divide="ignore"):
+        reach = np.minimum(half / np.abs(rays[..., 0]), drop / np.maximum(-rays[..., 2], 1e-300))
+    outer = inner.copy()
+    outer[..., 0], outer[..., 2] = reach * rays[..., 0], config.crest + reach * rays[..., 2]
+    middle = rays.mean(axis=1)
+    edges = [np.array([side * half, 0.0, -drop]) / np.hypot(half, drop) for side in (-1.0, 1.0)]
+    left, right = (int(np.argmax(middle @ edge)) for edge in edges)
+    outer[: left + 1, :, 0], outer[right:, :, 0] = -half, half
+    outer[left : right + 1, :, 2] = config.crest - drop
+    return outer
+
+
+def graded(count: int, growth: float) -> Floats:
+    """Shares 0 to 1 with sizes that grow by a ratio."""
+    sizes = growth ** np.arange(count)
+    return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
+
+
+def refuse_thin(count: int, growth: float, location: str) -> None:
+    """A few layers that grow too fast leave the first ones no thickness: their nodes would coincide."""
+    first = float(graded(count, growth)[1])
+    if first < _THIN:
+        raise ConfigError(
+            f"{location}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
+            f"whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
+        )
+
+
+def _rows(config: ArchDamConfig, rock: RockConfig, points: Floats) -> tuple[Floats, tuple[int, int]]:
+    """Continue the grid (p, b, l) up- and downstream to the ends of the box."""
+    d = config.divisions
+    up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
+    ends = (points[:, :1], -rock.upstream, up), (points[:, -1:], rock.downstream, down)
+    rows = []
+    for start, at, share in ends:
+        row = np.repeat(start, len(share), axis=1)
+        row[..., 1] += share[None, :, None] * (at - start[..., 1])
+        rows.append(row)
+    return np.concatenate([rows[0], points, rows[1]], axis=1), (d.upstream, d.upstream + points.shape[1] - 1)
+
+
+def _zoned(
+    config: ArchDamConfig,
+    rock: RockConfig,
+    points: Floats,
+    under: tuple[int, int],
+    layers: int,
+    contact: Ints,
+    location: str,
+) -> Ground:
+    shape = tuple(n - 1 for n in points.shape[:3])
+    perimeter = np.zeros(shape, dtype=bool)
+    perimeter[:, under[0] : under[1], :layers] = True
+    corners = [
+        points[i : i + shape[0], j : j + shape[1], k : k + shape[2]] for i, j, k in np.ndindex(2, 2, 2)
+    ]
+    centre = np.mean(corners, axis=0)
+    zone = _zone_of(rock, centre, ~perimeter, location)
+    left_out = (zone < 0) & ~perimeter
+    if left_out.any():
+        x, y, z = centre[left_out][0]
+        raise ConfigError(
+            f"{location}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are "
+            "in no "
+            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes "
+            "the rest"
+        )
+    return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
+
+
+def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str) -> Ints:
+    """Number of the zone of every cell, -1 for none: the one with limits along most axes, in whatever order.
+
+    Raises
+    ------
+    ConfigError
+        for zones that cover nothing, and for two with as many limits that cover one cell.
+    """
+    names, zone = list(rock.zones), np.full(centre.shape[:-1], -1)
+    limits = [sum(limit is not None for limit in (z.x, z.y, z.z)) for z in rock.zones.values()]
+    for k in sorted(range(len(names)), key=lambda k: -limits[k]):
+        inside = _inside(rock.zones[names[k]], centre) & rock_cells
+        both = inside & np.isin(zone, [j for j in range(len(names)) if j != k and limits[j] == limits[k]])
+        if both.any():
+            x, y, z = centre[both][0]
+            other = names[int(zone[both][0])]
+            raise ConfigError(
+                f"{location}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
+                f"{z:.4g}), are in "
+                f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), "
+                "limit one zone; let their ranges meet, or give the smaller one a range along a further axis"
+            )
+        covered = inside & (zone < 0)
+        if not covered.any():
+            raise ConfigError(
+                f"{location}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
+                "cells of "
+                "rock has its centre in it (or zones with limits along more axes took them); widen it, or "
+                "remove it"
+            )
+        zone[covered] = k
+    return zone
+
+
+def _inside(limits: ZoneConfig, centre: Floats) -> Bools:
+    inside = np.ones(centre.shape[:-1], dtype=bool)
+    for k, limit in enumerate((limits.x, limits.y, limits.z)):
+        if limit is not None:
+            inside &= (centre[..., k] >= limit[0]) & (centre[..., k] < limit[1])
+    return inside

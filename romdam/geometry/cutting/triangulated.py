@@ -1,0 +1,162 @@
+"""A triangulated surface as one that cuts: the nearest of its triangles, their sides and its rim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import MeshError
+from romdam.geometry.cutting.nearest import nearest_triangles
+from romdam.geometry.facets import row_numbers
+from romdam.geometry.nearest import tree
+
+_EDGES = ((0, 1), (1, 2), (2, 0))
+
+
+class _Nearest(NamedTuple):
+    """Nearest points (n, 3), the normals (n, 3) of the surface there, and whether they are on its rim."""
+
+    point: Floats
+    normal: Floats
+    rim: Bools
+
+
+@dataclass(frozen=True)
+class Triangulated:
+    """Triangles (nt, 3) of vertices (n, 3) [m] that hang together; they run counterclockwise from above.
+
+    Attributes
+    ----------
+    normals : (nt, 7, 3) at the vertices, on the edges and inside of every triangle: means of the triangles
+        there, by their angles at vertices, so that the sign of the distance is right everywhere
+    rim : (nt, 7) True where these belong to the rim
+
+    References
+    ----------
+    Baerentzen and Aanaes, Signed distance computation using the angle weighted pseudonormal, IEEE TVCG 11(3)
+    (2005).
+    """
+
+    points: Floats
+    triangles: Ints
+    normals: Floats
+    rim: Bools
+
+    @classmethod
+    def of(cls, points: Floats, triangles: Ints, location: str) -> Self:
+        """Make a surface of triangles; `location` is file and key, for messages.
+
+        Raises
+        ------
+        MeshError
+            for triangles without an area, edges of more than two triangles, and neighbours that are turned.
+        """
+        corner = points[triangles]
+        cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        size = np.linalg.norm(cross, axis=1, keepdims=True)
+        _refuse(size[:, 0] <= 0.0, corner, "have no area; mesh the surface anew", location)
+        face = cross / size
+        edges, owner = _edge_table(triangles), np.tile(np.arange(len(triangles)), 3)
+        key = row_numbers(np.sort(edges, axis=1))
+        _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
+        _refuse(_any_edge(count[inverse] > 2), corner, "share an edge with two others", location)
+        way = np.zeros(len(count))
+        np.add.at(way, inverse, np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0))
+        twisted = (way != 0.0) & (count == 2)
+        _refuse(_any_edge(twisted[inverse]), corner, "run the other way round than a neighbour", location)
+        at_edge = np.zeros((len(count), 3))
+        np.add.at(at_edge, inverse, face[owner])
+        at_vertex = np.zeros_like(points)
+        for k in range(3):
+            np.add.at(at_vertex, triangles[:, k], _angles(corner, k)[:, None] * face)
+        free_edge = count[inverse] == 1
+        free = np.zeros(len(points), dtype=bool)
+        free[edges[free_edge]] = True
+        normals = np.concatenate(
+            [at_vertex[triangles], at_edge[inverse].reshape(3, -1, 3).swapaxes(0, 1), face[:, None]], axis=1
+        )
+        inner = np.zeros((len(triangles), 1), dtype=bool)
+        rim = np.hstack([free[triangles], free_edge.reshape(3, -1).T, inner])
+        return cls(points, triangles, normals / np.linalg.norm(normals, axis=2, keepdims=True), rim)
+
+    def distance(self, points: Floats) -> Floats:
+        """Signed distance (n,) [m]; beyond the rim, from the planes of the triangles there."""
+        near = self._nearest(points)
+        away = points - near.point
+        height = _dot(away, near.normal)
+        return np.where(near.rim, height, np.copysign(np.linalg.norm(away, axis=1), height))
+
+    def normal(self, points: Floats) -> Floats:
+        """Unit normal (n, 3) of the surface next to points."""
+        return self._nearest(points).normal
+
+    def beyond(self, points: Floats) -> Floats:
+        """Distance of points outside of its rim, along the surface (n,) [m]."""
+        near = self._nearest(points)
+        away = points - near.point
+        height = _dot(away, near.normal)
+        return np.linalg.norm(away - height[:, None] * near.normal, axis=1) * near.rim
+
+    def _nearest(self, points: Floats) -> _Nearest:
+        """Points of the surface that are nearest to others."""
+        corner = self.points[self.triangles]
+        centre = corner.mean(axis=1)
+        radius = np.linalg.norm(corner - centre[:, None], axis=2).max(axis=1)
+        first = tree(centre).query(points)[1]
+        row = nearest_triangles(np.ascontiguousarray(points), corner, np.c_[centre, radius], first)
+        at, feature = _on_triangles(points, corner[row])
+        return _Nearest(at, self.normals[row, feature], self.rim[row, feature])
+
+
+def _edge_table(triangles: Ints) -> Ints:
+    return np.concatenate([triangles[:, list(edge)] for edge in _EDGES])
+
+
+def _any_edge(edges: Bools) -> Bools:
+    """True for triangles (nt,) of which any edge, in the order of their table, is."""
+    return np.asarray(edges.reshape(3, -1).any(axis=0))
+
+
+def _angles(corner: Floats, k: int) -> Floats:
+    """Angle of triangles (nt, 3, 3) at a corner (nt,)."""
+    a, b = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), _dot(a, b))
+
+
+def _refuse(wrong: Bools, corner: Floats, what: str, location: str) -> None:
+    if wrong.any():
+        at = ", ".join(f"{x:.6g}" for x in corner[np.argmax(wrong)].mean(axis=0))
+        raise MeshError(
+            f"{location}: {np.count_nonzero(wrong)} of {len(wrong)} triangles {what} (the first around "
+            f"({at}) m)"
+            ", limit 0: a surface that cuts has two sides; export it anew"
+        )
+
+
+def _on_triangles(points: Floats, corner: Floats) -> tuple[Floats, Ints]:
+    """Nearest points (n, 3) of triangles (n, 3, 3) to points (n, 3), and what they lie on.
+
+    Features are numbered 0 to 2 for corners, 3 to 5 for edges, 6 for the inside.
+    """
+    a, u, v = corner[:, 0], corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    n = np.cross(u, v)
+    s, t = (_dot(np.cross(*pair), n) / _dot(n, n) for pair in ((points - a, v), (u, points - a)))
+    inside = (s > 0.0) & (t > 0.0) & (s + t < 1.0)
+    at, feature = a + s[:, None] * u + t[:, None] * v, np.full(s.shape, 6)
+    least = np.where(inside, 0.0, np.inf)
+    for k, (i, j) in enumerate(_EDGES):
+        side = corner[:, j] - corner[:, i]
+        share = np.clip(_dot(points - corner[:, i], side) / _dot(side, side), 0.0, 1.0)
+        on = corner[:, i] + share[:, None] * side
+        apart = _dot(points - on, points - on)
+        nearer = apart < least
+        at[nearer], least[nearer] = on[nearer], apart[nearer]
+        feature[nearer] = np.where(share == 0.0, i, np.where(share == 1.0, j, 3 + k))[nearer]
+    return at, feature
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("nk,nk->n", a, b))

@@ -1,0 +1,253 @@
+"""A gravity dam meshed by structured hexahedra: monoliths and rock on one grid (i along x, j along y, k up).
+
+Columns j follow the faces from elevation to elevation, and stand upright at the walls of a gallery; rows k
+end wherever something changes. A cell belongs to rock below the ground of its slice along x, to a monolith
+above it and between the faces, and else to nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
+from romdam.core.scene import Block, Bools, Ints, Material, Tie
+from romdam.geometry.arch_dam.generator import Dam
+from romdam.geometry.arch_dam.rock import graded, refuse_thin
+from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
+from romdam.geometry.elements import ELEMENTS, Floats
+from romdam.geometry.facets import boundary_facets, row_numbers
+from romdam.geometry.meshes.quality import refuse_bad_cells
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines of the grid.
+
+    Attributes
+    ----------
+    x : (ni + 1,)
+    y : (nj + 1, nk + 1), every column's at every row
+    z : (nk + 1,)
+    slices : (ni,) number of the slice of every cell along x
+    dam : first and last column of the dam's
+    gallery : (nj, nk) cells that it leaves out
+    """
+
+    x: Floats
+    y: Floats
+    z: Floats
+    slices: Ints
+    dam: tuple[int, int]
+    gallery: Bools
+
+    def row(self, elevation: float) -> int:
+        """Number of the row line at an elevation."""
+        return int(np.abs(self.z - elevation).argmin())
+
+
+def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], location: str) -> Dam:
+    """Mesh a gravity dam.
+
+    Parameters
+    ----------
+    materials : by name
+    location : file and key, for messages
+
+    Raises
+    ------
+    ConfigError
+        for layers of rock that grow too fast.
+    MeshError
+        for elements turned inside out.
+    """
+    lines = _lines(config, location)
+    owner = _owner(config, lines)
+    points, cells, tags = _elements(config, lines, owner)
+    owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
+    facets = [boundary_facets(cells[owner == n], config.element) for n in range(len(config.block_names))]
+    shared = _shared(facets)
+    blocks, numbers = {}, {}
+    for n, (name, material) in enumerate(_materials(config, materials).items()):
+        numbers[name], local = np.unique(cells[owner == n], return_inverse=True)
+        cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
+        on = _faces(config, lines, name, tags[facets[n]], shared[n])
+        faces = {
+            face: np.searchsorted(numbers[name], facets[n][which])
+            for face, which in on.items()
+            if which.any()
+        }
+        blocks[name] = Block(name, config.element, points[numbers[name]], cell_nodes, material, faces)
+        refuse_bad_cells(blocks[name], location)
+    rock = frozenset(blocks) - set(config.monolith_names)
+    settled = rock if config.rock and not config.rock.weight else frozenset()
+    return Dam(blocks, _ties(config, numbers), _held(config, blocks), settled)
+
+
+def _materials(config: GravityDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
+    """Material of every block."""
+    names = dict.fromkeys(config.block_names, materials[config.material])
+    if config.rock is not None:
+        rock = materials[config.rock.material].with_mass(config.rock.mass)
+        names |= dict.fromkeys((name for name in names if name not in config.monolith_names), rock)
+    return names
+
+
+def _lines(config: GravityDamConfig, location: str) -> _Lines:
+    z = _rows(config, location)
+    walls = np.array([config.walls(max(level, config.lowest)) for level in z])
+    columns = _columns(config)
+    shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in columns]
+    y = [walls[:, :1]]
+    y += [a[:, None] + s * (b - a)[:, None] for a, b, s in zip(walls.T, walls.T[1:], shares, strict=False)]
+    before, after = np.zeros((len(z), 0)), np.zeros((len(z), 0))
+    if config.rock is not None:
+        d, (heel, toe) = config.divisions.refined, (walls[0, 0], walls[0, -1])
+        up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
+        before = walls[:, :1] + up * (heel - config.rock.upstream - walls[:, :1])
+        after = walls[:, -1:] + down * (toe + config.rock.downstream - walls[:, -1:])
+    first = before.shape[1]
+    x, slices = _along(config)
+    whole = np.hstack([before, *y, after]).T
+    gallery = np.zeros((len(whole) - 1, len(z) - 1), dtype=bool)
+    if config.gallery is not None:
+        middle, floor = (z[1:] + z[:-1]) / 2.0, config.gallery.floor
+        high = (middle > floor) & (middle < floor + config.gallery.height)
+        gallery[first + columns[0] : first + columns[0] + columns[1]] = high
+    return _Lines(x, whole, z, slices, (first, first + sum(columns)), gallery)
+
+
+def _rows(config: GravityDamConfig, location: str) -> Floats:
+    """Elevations of the row lines."""
+    divisions, height = config.divisions, config.crest - config.lowest
+    d = divisions.refined
+    rows = [np.array([config.lowest])]
+    for a, b in pairwise(config.levels):
+        count = max(1, round(divisions.up * (b - a) / height)) * divisions.parts
+        rows.append(np.linspace(a, b, count + 1)[1:])
+    if config.rock is not None:
+        for count in (d.depth, d.upstream, d.downstream, d.banks):
+            refuse_thin(count, d.growth, f"{location}.divisions")
+        rows.insert(0, config.lowest - config.rock.depth * graded(d.depth, d.growth)[:0:-1])
+    return np.concatenate(rows)
+
+
+def _columns(config: GravityDamConfig) -> list[int]:
+    """Elements between the faces, or between these and the walls of a gallery."""
+    through, parts = config.divisions.through, config.divisions.parts
+    if config.gallery is None:
+        return [through * parts]
+    width = np.diff(config.walls(config.gallery.floor))
+    return [max(1, round(through * share)) * parts for share in width / width.sum()]
+
+
+def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
+    """x of the lines and the slice of every cell between them."""
+    d, ends = config.divisions.refined, np.concatenate([[0.0], np.cumsum(config.monoliths)])
+    x, counts = [np.zeros(1)], []
+    for a, b in pairwise(ends):
+        x.append(np.linspace(a, b, d.along + 1)[1:])
+        counts.append(d.along)
+    if config.rock is not None and config.rock.left:
+        x.insert(0, -config.rock.left * graded(d.banks, d.growth)[:0:-1])
+        counts.insert(0, d.banks)
+    if config.rock is not None and config.rock.right:
+        x.append(ends[-1] + config.rock.right * graded(d.banks, d.growth)[1:])
+        counts.append(d.banks)
+    return np.concatenate(x), np.repeat(np.arange(len(counts)), counts)
+
+
+def _owner(config: GravityDamConfig, lines: _Lines) -> Ints:
+    """(ni, nj, nk) number of every cell's block, -1 for none."""
+    number = {name: n for n, name in enumerate(config.block_names)}
+    middle = (lines.z[1:] + lines.z[:-1]) / 2.0
+    owner = np.full((len(lines.slices), *lines.gallery.shape), -1)
+    first, last = lines.dam
+    for n, (name, ground) in enumerate(config.slices.items()):
+        below, here = middle < ground, lines.slices == n
+        if config.rock is not None:
+            owner[np.ix_(here, np.ones(owner.shape[1], dtype=bool), below)] = number[f"rock_{name}"]
+        if name.isdecimal():
+            lift = [number.get(config.monolith(int(name), config.lift_of(z)), -1) for z in middle]
+            dam = np.where(below | lines.gallery[first:last], -1, lift)
+            inner = owner[here, first:last]
+            owner[here, first:last] = np.where(below, inner, dam)
+    return owner
+
+
+def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Floats, Ints, Floats]:
+    """Points, cells of the element wanted in the order of the grid, and (i, j, k) of the points."""
+    shape = tuple(n + 1 for n in owner.shape)
+    number = np.arange(np.prod(shape)).reshape(shape)
+    tags = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).astype(float)
+    i, j, k = np.moveaxis(tags.astype(int), -1, 0)
+    points = np.stack([lines.x[i], lines.y[j, k], lines.z[k]], axis=-1)
+    cells = hexahedra(number)[owner.ravel() >= 0]
+    if config.element.startswith("tet"):
+        cells = split_into_tets(cells)
+    both = np.concatenate([points, tags], axis=-1).reshape(-1, 6)
+    both, cells = with_middle_nodes(both, cells, ELEMENTS[config.element])
+    return np.ascontiguousarray(both[:, :3]), cells, both[:, 3:]
+
+
+def _shared(facets: list[Ints]) -> list[Bools]:
+    """True for facets that two blocks have, block by block."""
+    key = row_numbers(np.sort(np.vstack(facets), axis=1))
+    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
+    return np.split(count[number] > 1, np.cumsum([len(facets_of_block) for facets_of_block in facets])[:-1])
+
+
+def _faces(
+    config: GravityDamConfig, lines: _Lines, name: str, where: Floats, shared: Bools
+) -> dict[str, Bools]:
+    """Name -> facets of every face, their nodes at `where` in the grid (nf, nodes, 3)."""
+    i, j, k = np.moveaxis(where, -1, 0)
+
+    def at(tag: Floats, line: int) -> Bools:
+        return np.asarray((tag == line).all(axis=1))
+
+    if name not in config.monolith_names:
+        return _rock_faces(lines, (i, j, k), shared)
+    low, high = k.min(), k.max()
+    base = lines.row(config.bases[int(name.split("_")[1]) - 1])
+    faces = {
+        "upstream": at(j, lines.dam[0]),
+        "downstream": at(j, lines.dam[1]),
+        "crest" if high == len(lines.z) - 1 else "top": at(k, high),
+        "base" if low == base else "bottom": at(k, low),
+        "left": at(i, i.min()),
+        "right": at(i, i.max()),
+    }
+    return faces | {"gallery": ~np.any(list(faces.values()), axis=0)}
+
+
+def _rock_faces(lines: _Lines, where: tuple[Floats, Floats, Floats], shared: Bools) -> dict[str, Bools]:
+    i, j, k = where
+    ends = {"base": (k, 0), "side_upstream": (j, 0), "side_downstream": (j, len(lines.y) - 1)}
+    ends |= {"side_left": (i, 0), "side_right": (i, len(lines.x) - 1)}
+    faces = {face: np.asarray((tag == line).all(axis=1)) for face, (tag, line) in ends.items()}
+    return faces | {"surface": ~shared & ~np.any(list(faces.values()), axis=0)}
+
+
+def _ties(config: GravityDamConfig, numbers: dict[str, Ints]) -> tuple[Tie, ...]:
+    ties = []
+    for I, J in config.tied_pairs:
+        _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
+        ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
+    return tuple(ties)
+
+
+def _held(config: GravityDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:
+    """Components that the ground holds: the rock's base, its sides normal to themselves, or the bases."""
+    held = {name: np.zeros(block.points.shape, dtype=bool) for name, block in blocks.items()}
+    faces = {"base": [0, 1, 2]}
+    if config.rock is not None:
+        faces |= {"side_left": [0], "side_right": [0], "side_upstream": [1], "side_downstream": [1]}
+    for name, block in blocks.items():
+        for face, components in faces.items():
+            if face in block.faces and (name not in config.monolith_names or config.rock is None):
+                nodes = np.unique(block.faces[face])
+                held[name][nodes[:, None], components] = True
+    return held

@@ -1,0 +1,200 @@
+"""A block's mesh with matrices from files in place of what its elements would have."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.config.sections.geometry.matrices import MatricesConfig
+from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import ConfigError, MeshError
+from romdam.core.scene import Block, Joint, Scene
+from romdam.core.system import BlockMatrices
+from romdam.geometry.matrices.checks import Checked, check_matrices
+from romdam.geometry.matrices.data import Unknowns
+from romdam.geometry.matrices.files import FileMatrices, Numbered, read_matrices
+from romdam.geometry.nearest import tree
+
+log = logging.getLogger(__name__)
+
+_NOTHING = 1e-12  # weights and cosines below it are rounding
+
+
+def with_matrices(
+    block: Block,
+    config: MatricesConfig,
+    folder: Path,
+    mesh: Numbered | None,
+    location: str,
+    *,
+    supported: bool = False,
+) -> Block:
+    """The block with the stiffness and mass of files; nodes are the same that lie within the tolerance.
+
+    Parameters
+    ----------
+    folder : where relative paths start
+    mesh : numbers and positions of the nodes in the block's mesh file, where it has one
+    location : file and key, for messages
+    supported : `supports` of the configuration name this block
+
+    Raises
+    ------
+    MeshError, ResultError
+        where a file cannot be read, they do not fit each other, no elastic body has them, or none of their
+        nodes is one of the mesh.
+    """
+    file_matrices = read_matrices(config, folder, mesh, location)
+    points, dof = _numbered(block, file_matrices.unknowns, config.tolerance, location)
+    checked = check_matrices(
+        file_matrices,
+        location,
+        config.total_mass,
+        block,
+        supported=supported or file_matrices.inertia is not None,
+    )
+    motion = np.full(3 * len(points), -1)
+    motion[dof] = file_matrices.unknowns.motion
+    matrices = _over_nodes(file_matrices, dof, motion.reshape(-1, 3), checked)
+    lacking = matrices.absent[: len(block.points)].sum(axis=1)
+    log.info(
+        "%s: %d unknowns, in %s; of %d nodes of the mesh %d have all three displacements and %d none, which "
+        "do not move in files and pictures",
+        location, len(dof), config.units, len(lacking), (lacking == 0).sum(), (lacking == 3).sum(),
+    )  # fmt: skip
+    return replace(block, points=points, matrices=matrices)
+
+
+def _numbered(block: Block, unknowns: Unknowns, tolerance: float, location: str) -> tuple[Floats, Ints]:
+    """All nodes (n, 3), the mesh's first, and the DOF of every unknown."""
+    shifted = unknowns.motion < 3
+    numbers, first = np.unique(unknowns.node[shifted], return_index=True)
+    position = unknowns.position[shifted][first]
+    node = _mesh_nodes(block, numbers, position, tolerance, location)
+    further = np.flatnonzero(node < 0)
+    node[further] = len(block.points) + np.arange(len(further))
+    others = np.flatnonzero(~shifted)
+    slots = -(-len(others) // 3)
+    middle = np.tile(block.points.mean(axis=0), (slots, 1))
+    dof = np.zeros(len(unknowns), dtype=np.int64)
+    dof[shifted] = 3 * node[np.searchsorted(numbers, unknowns.node[shifted])] + unknowns.motion[shifted]
+    dof[others] = 3 * (len(block.points) + len(further)) + np.arange(len(others))
+    return np.concatenate([block.points, position[further], middle]), dof
+
+
+def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float, location: str) -> Ints:
+    """The mesh's node that each node of the matrices is, -1 where it is none of them."""
+    distance, node = tree(block.points).query(position)
+    node = np.where(distance <= tolerance, node, -1).astype(np.int64)
+    same = node[node >= 0]
+    if not len(same):
+        spans = [_span(position), _span(block.points)]
+        raise MeshError(
+            f"{location}: none of the {len(numbers)} nodes of its matrices ({spans[0]} m) is within "
+            f"{tolerance:g} m of one of the mesh ({spans[1]} m), the nearest is {distance.min():.3g} m off; "
+            "correct `units`, the nodes, or `tolerance`"
+        )
+    twice = np.flatnonzero(np.bincount(same) > 1)
+    if len(twice):
+        pair = ", ".join(map(str, numbers[node == twice[0]][:2]))
+        raise MeshError(
+            f"{location}: {len(twice)} nodes of the mesh are two of the matrices' within {tolerance:g} m "
+            f"(nodes {pair} are the first), limit one; lower `tolerance`, or merge nodes"
+        )
+    return node
+
+
+def _span(points: Floats) -> str:
+    ends = zip("xyz", points.min(axis=0), points.max(axis=0), strict=True)
+    return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends)
+
+
+def _over_nodes(matrices: FileMatrices, dof: Ints, motion: Ints, checked: Checked) -> BlockMatrices:
+    size = motion.size
+
+    def spread(matrix: csr_matrix) -> csr_matrix:
+        entries = matrix.tocoo()
+        return csr_matrix((entries.data, (dof[entries.row], dof[entries.col])), shape=(size, size))
+
+    force, inertia, translations = np.zeros(size), None, np.zeros((size, 3))
+    force[dof] = matrices.force
+    translations[dof] = checked.translations
+    if matrices.inertia is not None:
+        inertia = np.zeros((size, 3))
+        inertia[dof] = matrices.inertia
+    C = None if matrices.C is None else spread(matrices.C)
+    return BlockMatrices(
+        spread(matrices.K), spread(matrices.M), motion, translations, C, inertia, force, checked.warnings
+    )
+
+
+def held_by(blocks: dict[str, Block], fixed: dict[str, Bools]) -> dict[str, Bools]:
+    """Components that supports hold, and those that are no unknowns of a block's matrices."""
+    matrices = {name: blocks[name].matrices for name in fixed}
+    return {
+        name: held if (block_matrices := matrices[name]) is None else held | block_matrices.absent
+        for name, held in fixed.items()
+    }
+
+
+def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> None:
+    """Raise where joints or loads act on nodes whose motion is no unknown, or stress is asked for.
+
+    Parameters
+    ----------
+    supported : block name -> (n, 3) components that `supports` hold
+    source : name of the configuration file
+
+    Raises
+    ------
+    ConfigError
+    """
+    for name, block in scene.blocks.items():
+        if block.matrices is None:
+            continue
+        if name in scene.warmed or (scene.stress is not None and name in scene.stress.blocks):
+            key = "loads.temperature: the change" if name in scene.warmed else "outputs.stress: the stress"
+            raise ConfigError(
+                f"{source}: {key} of block {name!r} is not known, which has matrices of its own and no "
+                "elements, limit 0 such blocks; name the other blocks, displacements are written for all"
+            )
+        lost = block.matrices.absent & ~supported[name]
+        for key, nodes, components in _acted_on(scene, name):
+            bad = np.unique(nodes[(lost[nodes] & components).any(axis=1)])
+            if len(bad):
+                at = ", ".join(f"{x:.6g}" for x in block.points[bad[0]])
+                raise ConfigError(
+                    f"{source}: {key}: {len(bad)} of its {len(np.unique(nodes))} nodes of block {name!r} "
+                    f"are no unknowns of blocks.{name}.matrices, nor held by a support, limit 0; the first "
+                    f"is at ({at}) m; write matrices with these nodes, or name the support that they were "
+                    "made with"
+                )
+
+
+def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
+    """Actions on nodes of a block: key, nodes, and (k, 3) which of their components."""
+    shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
+    pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
+    pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
+    pairs += [("loads.force", np.array([force.node])) for force in scene.forces if force.block == name]
+    if scene.reservoir is not None:
+        pairs += [("water", face.facets.ravel()) for face in scene.reservoir.faces if face.block == name]
+    whole = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
+    return whole + [
+        (f"joints.{joint.name}", joint.nodes[side], _seen(joint, side, shear))
+        for joint in scene.joints.values()
+        for side in (0, 1)
+        if joint.blocks[side] == name
+    ]
+
+
+def _seen(joint: Joint, side: int, shear: bool) -> Bools:
+    """(nodes, 3) components of a side's nodes that its gaps see."""
+    weights = abs(joint.weights[side])
+    if joint.at_point is not None:
+        weights = weights + abs(joint.at_point[side])
+    return np.asarray(weights.T @ np.abs(joint.axes[:, : 3 if shear else 1]).sum(axis=1) > _NOTHING)

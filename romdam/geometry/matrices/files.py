@@ -1,0 +1,221 @@
+"""The files of `blocks.<name>.matrices`: which reader is whose, and what they give together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.config.sections.geometry.matrices import MatricesConfig
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import MeshError, ResultError
+from romdam.core.files import check_file
+from romdam.geometry.matrices import hdf5, nastran, text
+from romdam.geometry.matrices.data import Entries, Unknowns, from_labels, sparse
+from romdam.geometry.meshes.files import FORMATS, read_mesh_file
+
+LARGEST = 4e9  # bytes of a file
+UNITS = {
+    "m-kg-s": (1.0, 1.0, 1.0),
+    "mm-t-s": (1e-3, 1e3, 1.0),
+    "mm-kg-ms": (1e-3, 1.0, 1e-3),
+    "mm-kg-s": (1e-3, 1.0, 1.0),
+}
+"""Length [m], mass [kg] and time [s] of each system of units."""
+
+T = TypeVar("T")
+Numbered = tuple[Ints, Floats]
+"""Numbers of nodes, and their positions (n, 3) [m]."""
+
+_MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
+    **dict.fromkeys((".mtx", ".sti", ".mas", ".dam", ".txt"), text.read_text),
+    **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
+    **dict.fromkeys((".op4", ".pch"), nastran.read_nastran),
+}
+_UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
+    ".dof": text.read_dof,
+    ".csv": text.read_csv,
+    **dict.fromkeys((".h5", ".hdf5"), hdf5.read_unknowns),
+}
+
+
+@dataclass(frozen=True)
+class FileMatrices:
+    """Content of the files of a block, in SI.
+
+    Attributes
+    ----------
+    unknowns : of every row, with the positions of all that move
+    K, M, C : (n, n) symmetric; C None without
+    inertia : (n, 3), or None
+    force : (n,)
+    """
+
+    unknowns: Unknowns
+    K: csr_matrix
+    M: csr_matrix
+    C: csr_matrix | None
+    inertia: Floats | None
+    force: Floats
+
+
+def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, location: str) -> FileMatrices:
+    """Read all files of a block.
+
+    Parameters
+    ----------
+    folder : where relative paths start
+    mesh : numbered nodes of the block's mesh file, where it has one
+    location : file and key, for messages
+
+    Raises
+    ------
+    MeshError, ResultError
+        where a file cannot be read, or does not fit the others.
+    """
+    reader = _Reader(config, folder, location)
+    stiffness = reader.entries("stiffness")
+    unknowns = reader.unknowns(stiffness, mesh)
+    first = int(min(stiffness.row.min(initial=1), stiffness.column.min(initial=1)) > 0)
+    length, mass, time = UNITS[config.units]
+    unit = np.where(unknowns.motion < 3, 1.0 / length, 1.0)  # displacement in the file's unit of one in SI
+    energy = mass * length**2 / time**2
+
+    def matrix(key: str, entries: Entries, factor: float) -> csr_matrix:
+        values = sparse(entries, unknowns, first, reader.at(key))
+        return csr_matrix(values.multiply(unit[:, None]).multiply(energy * factor * unit[None, :]))
+
+    def vectors(key: str, width: int, factor: float) -> Floats | None:
+        values = reader.columns(key, (len(unknowns), width))
+        return None if values is None else np.asarray(energy * factor * unit[:, None] * values)
+
+    force = vectors("force", 1, 1.0)
+    return FileMatrices(
+        unknowns,
+        matrix("stiffness", stiffness, 1.0),
+        matrix("mass", reader.entries("mass"), time**2),
+        None if config.damping is None else matrix("damping", reader.entries("damping"), time),
+        vectors("inertia", 3, time**2 / length),
+        np.zeros(len(unknowns)) if force is None else force[:, 0],
+    )
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """The paths of a block's files."""
+
+    config: MatricesConfig
+    folder: Path
+    location: str
+
+    def at(self, key: str) -> str:
+        """A key and its file, for messages."""
+        return f"{self.location}.{key}: {self.path(key)}"
+
+    def path(self, key: str) -> Path:
+        """The file of a key."""
+        return self.folder / getattr(self.config, key)
+
+    def entries(self, key: str) -> Entries:
+        """The matrix of a key."""
+        read = self._opened(key, _MATRICES)
+        return read(self.path(key), key, self.at(key))
+
+    def columns(self, key: str, shape: tuple[int, int]) -> Floats | None:
+        """The vectors of a key (n, k); None where it is not there."""
+        if getattr(self.config, key) is None:
+            return None
+        self._opened(key, _MATRICES)
+        path, location = self.path(key), self.at(key)
+        hierarchical = path.suffix.lower() in (".h5", ".hdf5")
+        columns = (
+            hdf5.read_columns(path, key, location) if hierarchical else text.read_columns(path, location)
+        )
+        if columns.shape != shape or not np.isfinite(columns).all():
+            raise MeshError(
+                f"{location}: is {columns.shape[0]} by {columns.shape[1]}, expected {shape[0]} by "
+                f"{shape[1]} finite "
+                "numbers"
+            )
+        return columns
+
+    def unknowns(self, stiffness: Entries, mesh: Numbered | None) -> Unknowns:
+        """The unknowns, with their positions."""
+        if self.config.unknowns is not None:
+            unknowns, location = (
+                self._opened("unknowns", _UNKNOWNS)(self.path("unknowns"), self.at("unknowns")),
+                self.at("unknowns"),
+            )
+        elif stiffness.labels is not None:
+            unknowns, location = from_labels(stiffness.labels), self.at("stiffness")
+        else:
+            raise MeshError(
+                f"{self.at('stiffness')}: numbers its rows and does not say what they are; give "
+                f"{self.location}.unknowns (node and direction of every row), CalculiX's .dof or a .csv"
+            )
+        _refuse_repeated(unknowns, location)
+        unknowns = Unknowns(unknowns.node, unknowns.motion, unknowns.position * UNITS[self.config.units][0])
+        return self._placed(unknowns, mesh, location)
+
+    def _placed(self, unknowns: Unknowns, mesh: Numbered | None, location: str) -> Unknowns:
+        """With positions of all unknowns that are displacements or rotations."""
+        lacking = (unknowns.motion < 6) & np.isnan(unknowns.position).any(axis=1)
+        numbered = self._nodes() if self.config.nodes is not None else mesh
+        position = unknowns.position.copy()
+        if lacking.any() and numbered is not None:
+            number, points = numbered
+            order = np.argsort(number, kind="stable")
+            at = np.minimum(np.searchsorted(number[order], unknowns.node), len(number) - 1)
+            same = lacking & (number[order][at] == unknowns.node)
+            position[same] = points[order[at[same]]]
+            lacking = lacking & ~same
+        if lacking.any():
+            k = int(np.flatnonzero(lacking)[0])
+            raise MeshError(
+                f"{location}: {np.count_nonzero(lacking)} of {len(unknowns)} unknowns have no coordinates, "
+                "the "
+                f"first is {unknowns.name(k)}; give {self.location}.nodes, with these numbers, or call what "
+                "has no "
+                "place `internal`"
+            )
+        return Unknowns(unknowns.node, unknowns.motion, position)
+
+    def _nodes(self) -> Numbered:
+        path, length = self.path("nodes"), UNITS[self.config.units][0]
+        if path.suffix.lower() in FORMATS:
+            file = read_mesh_file(path, f"{self.location}.nodes")
+            return file.tags, file.points * length
+        if path.suffix.lower() != ".csv":
+            raise MeshError(f"{self.at('nodes')}: known endings are .csv, {', '.join(FORMATS)}")
+        check_file(path, LARGEST, MeshError)
+        number, points = text.read_nodes(path, self.at("nodes"))
+        return number, points * length
+
+    def _opened(self, key: str, formats: dict[str, T]) -> T:
+        path = self.path(key)
+        read = formats.get(path.suffix.lower())
+        if read is None:
+            raise MeshError(f"{self.at(key)}: is of no known format; known endings are {', '.join(formats)}")
+        try:
+            check_file(path, LARGEST, MeshError)
+        except (MeshError, ResultError) as error:
+            raise MeshError(f"{self.location}.{key}: {error}") from None
+        return read
+
+
+def _refuse_repeated(unknowns: Unknowns, location: str) -> None:
+    if not len(unknowns):
+        raise MeshError(f"{location}: has no unknowns; write it anew")
+    moving = np.flatnonzero(unknowns.motion < 6)
+    _, first, counts = np.unique(unknowns.labels[moving], axis=0, return_index=True, return_counts=True)
+    if (counts > 1).any():
+        k = int(moving[first[np.argmax(counts > 1)]])
+        raise MeshError(
+            f"{location}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
+            f"{unknowns.name(k)}, "
+            "limit once; number nodes and directions anew"
+        )

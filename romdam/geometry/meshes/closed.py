@@ -1,0 +1,267 @@
+"""Check that the elements of a block fill one body: faces that pair, and none that lies inside it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from romdam.core.errors import MeshError
+from romdam.core.scene import Block, Bools, Ints
+from romdam.geometry.elements import ELEMENTS, Element, Floats
+from romdam.geometry.facets import (
+    all_facets,
+    area_elements,
+    area_vectors,
+    facet_element,
+    facet_keys,
+    row_numbers,
+)
+from romdam.geometry.meshes.kinds import facets_by_kind, frame, kinds_of
+from romdam.geometry.nearest import tree
+
+_AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
+_NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
+_INSIDE = 1e-6  # of the reference element: margin of being inside
+_PAIRS = 1_000_000  # of a point and an element, at a time
+_FOLLOWED = (
+    1.0,
+    0.3,
+    0.1,
+    *[0.03] * 9,
+)  # how far out of an element each step to a point's place in it may lead
+_CONVERGED = 1e-9  # step in the reference element
+_STRAIGHT = 1e-6  # of the longest edge: nodes so near to the middle of their corners leave edges straight
+_LOST = 9.0  # a reference coordinate far out
+_VOLUME = 1e-8  # relative difference of the volume by elements and by faces that rounding explains
+
+
+def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
+    """Raise if faces do not pair, one lies inside the block, or the faces' volume is not the elements'.
+
+    An element is across every face or none is. Where one is across that does not share the face (a crack that
+    no joint knows of, nodes that hang, elements that overlap), a point slightly outside the face is in it.
+
+    Parameters
+    ----------
+    volume : of the elements [m3]
+    location : start of the message
+
+    Returns
+    -------
+    number of pieces that hang together by faces
+
+    Raises
+    ------
+    MeshError
+    """
+    faces = _Faces(block)
+    faces.refuse_unpaired(location)
+    free = faces.free
+    _refuse_inner(block, free, location)
+    centre = block.points.mean(axis=0)
+    flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), _arms(block, free, centre)))
+    if abs(flux / 3.0 - volume) > _VOLUME * volume and not frame(block.element).quadratic:
+        raise MeshError(
+            f"{location}: the faces of block {block.name!r} enclose {flux / 3.0:.6g} m3 and its elements "
+            "hold "
+            f"{volume:.6g} m3: its faces do not close; export the mesh anew"
+        )
+    return faces.pieces
+
+
+def _arms(block: Block, facets: Ints, centre: Floats) -> Floats:
+    return block.points[facets] - centre
+
+
+class _Faces:
+    """All faces of a block's elements, and which of them are one."""
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self.rows, self.cell = all_facets(block.cells, block.element)
+        keys = row_numbers(facet_keys(self.rows[:, : ELEMENTS[frame(block.element).facet].corners]))
+        self.order = np.argsort(keys, kind="stable")
+        _, start, self.count = np.unique(keys[self.order], return_index=True, return_counts=True)
+        self.start = start
+
+    @property
+    def free(self) -> Ints:
+        """Faces of one element, (nf, nodes per facet), in the order of the cells."""
+        return self.rows[np.sort(self.order[self.start[self.count == 1]])]
+
+    @property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """Faces that are one."""
+        first = self.start[self.count == 2]
+        return self.order[first], self.order[first + 1]
+
+    @property
+    def pieces(self) -> int:
+        """Number of parts that hang together by faces."""
+        a, b = (self.cell[side] for side in self.pairs)
+        size = len(self.block.cells)
+        return int(connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(size, size)), False)[0])
+
+    def refuse_unpaired(self, location: str) -> None:
+        """Raise if a face is shared by more than two elements, or by two on the same side of it."""
+        many = self.order[self.start[self.count > 2]]
+        if len(many):
+            raise self._error(many, "belong to more than two elements: elements overlap", location)
+        a, b = self.pairs
+        for rows, facet_nodes, columns in facets_by_kind(self.rows[a]):
+            self._refuse_turned(a[rows], (facet_nodes, self.rows[b[rows]][:, columns]), location)
+
+    def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], location: str) -> None:
+        c = facet_element(facets[0]).corners
+        first, other = (_from_least(rows, c) for rows in facets)
+        turned = (first[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
+        if not turned.all():
+            raise self._error(
+                a[~turned],
+                "have both their elements on the same side, or are cut otherwise by them",
+                location,
+            )
+        agree = (first[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
+        agree &= (first[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
+        if not agree.all():
+            raise self._error(a[~agree], "have other mid-edge nodes in each of their elements", location)
+
+    def _error(self, faces: Ints, what: str, location: str) -> MeshError:
+        return _error(
+            self.block, self.block.points[self.rows[faces[0]]].mean(axis=0), len(faces), what, location
+        )
+
+
+def _from_least(rows: Ints, corners: int) -> Ints:
+    """Facets turned so that their lowest corner comes first, the mid-edge nodes with them."""
+    turn = (np.argmin(rows[:, :corners], axis=1)[:, None] + np.arange(corners)) % corners
+    rings = range(0, rows.shape[1] - corners + 1, corners)
+    turned = [np.take_along_axis(rows[:, k : k + corners], turn, 1) for k in rings]
+    return np.hstack([*turned, rows[:, corners * len(rings) :]])
+
+
+def _error(block: Block, at: Floats, count: int, what: str, location: str) -> MeshError:
+    where = ", ".join(f"{x:.6g}" for x in at)
+    return MeshError(
+        f"{location}: {count} faces of elements of block {block.name!r} {what}, limit 0 (the first around "
+        f"({where}) m); repair the mesh: merge duplicate nodes and elements, or make it blocks with a "
+        "joint or tie"
+    )
+
+
+def _refuse_inner(block: Block, free: Ints, location: str) -> None:
+    inside = np.zeros(len(free), dtype=bool)
+    for rows, facet_nodes, _ in facets_by_kind(free):
+        outside = _just_outside(block.points, facet_nodes)
+        samples = outside.shape[1]
+        inside[rows] = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
+    if inside.any():
+        what = (
+            f"have an element across them that does not share them, within {_AWAY:g} of their size "
+            "(a crack, nodes that hang, or elements that overlap)"
+        )
+        raise _error(
+            block, block.points[free[np.argmax(inside)]].mean(axis=0), int(inside.sum()), what, location
+        )
+
+
+def _just_outside(points: Floats, facets: Ints) -> Floats:
+    """Points off the middle and the corners of every facet, (nf, corners + 1, 3)."""
+    element = facet_element(facets)
+    corner = element.nodes[: element.corners]
+    centre = corner.mean(axis=0)
+    xi = np.vstack([centre, centre + _NEAR_CORNER * (corner - centre)])
+    vectors = area_elements(points, facets, xi)
+    size = np.linalg.norm(vectors, axis=2, keepdims=True)
+    normal = np.divide(vectors, size, out=np.zeros_like(vectors), where=size > 0.0)
+    on = np.einsum("qa,fak->fqk", element.shape(xi), points[facets], optimize=True)
+    return on + _AWAY * np.sqrt(size[:, :1]) * normal
+
+
+def _any_cell_has(block: Block, points: Floats) -> Bools:
+    """True for each point inside an element."""
+    inside = np.zeros(len(points), dtype=bool)
+    low, high = block.points.min(axis=0), block.points.max(axis=0)
+    near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+    for element, _, cells in kinds_of(block.element, block.cells):
+        _find_inside(points, near, *_geometry(block.points[cells], element), inside)
+    return inside
+
+
+def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, inside: Bools) -> None:
+    """Mark those of the points `near` that are inside an element of one kind."""
+    lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
+    slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
+    lowest, highest = lowest - slack, highest + slack
+    middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
+    scale = np.ceil(np.log2(reach))
+    for size in np.unique(scale):
+        cells_of_size = np.flatnonzero(scale == size)
+        by_middle = tree(middle[cells_of_size])
+        for group in _parts(near, by_middle.query_ball_point(points[near], 2.0**size, return_length=True)):
+            pairs = tree(points[group]).sparse_distance_matrix(by_middle, 2.0**size, output_type="ndarray")
+            p, c = group[pairs["i"]], cells_of_size[pairs["j"]]
+            boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~inside[p]
+            p, c = p[boxed], c[boxed]
+            inside[p[_inside(points[p], nodes[c], element)]] = True
+
+
+def _parts(points: Ints, pairs: Ints) -> list[Ints]:
+    """Points cut into parts with so many pairs of a point and an element near it as memory takes."""
+    return np.split(points, np.flatnonzero(np.diff(np.cumsum(pairs) // _PAIRS)) + 1) if len(points) else []
+
+
+def _geometry(nodes: Floats, element: Element) -> tuple[Floats, Element]:
+    """Nodes of every cell (nc, nn, 3) and their element; the corners only where these give all of them."""
+    linear, corners = ELEMENTS[element.linear], nodes[:, : element.corners]
+    off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
+    longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
+    if np.abs(off).max(initial=0.0) > _STRAIGHT * longest:
+        return nodes, element
+    return corners, linear
+
+
+def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
+    """True for each point (p, 3) in its element with nodes (p, nn, 3), by Newton's method.
+
+    The first step is exact for a straight tetrahedron; points that a step takes far out of the reference
+    element are not followed any further.
+    """
+    inside = np.zeros(len(points), dtype=bool)
+    left = np.arange(len(points))
+    xi = np.tile(element.nodes[: element.corners].mean(axis=0), (min(len(points), 1), 1))
+    for far in _FOLLOWED:
+        better = _newton(points[left], nodes[left], element, xi)
+        moved, depth = np.abs(better - xi).max(axis=1), _depth(better, element)
+        moved *= element.name != "tet4"  # where a step is exact
+        inside[left[(moved < _CONVERGED) & (depth > _INSIDE)]] = True
+        on = (moved >= _CONVERGED) & (depth > -far)
+        left, xi = left[on], better[on]
+        if not len(left):
+            break
+    return inside
+
+
+def _depth(xi: Floats, element: Element) -> Floats:
+    """Depth (p,) of points of the reference element in it; negative outside."""
+    if element.box:
+        return 1.0 - np.abs(xi).max(axis=1)
+    if element.linear == "pyramid5":
+        return np.minimum(xi[:, 2], 1.0 - xi[:, 2] - np.abs(xi[:, :2]).max(axis=1))
+    if element.linear == "wedge6":
+        return np.minimum(np.minimum(xi.min(axis=1), 1.0 - xi[:, 2]), 1.0 - xi[:, 0] - xi[:, 1])
+    return np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1))
+
+
+def _newton(points: Floats, nodes: Floats, element: Element, xi: Floats) -> Floats:
+    """One step from xi (p, 3), or (1, 3) for all, to the reference coordinates of points."""
+    at = np.matmul(element.shape(xi)[:, None], nodes)[:, 0]
+    J = np.matmul(element.gradient(xi), nodes)
+    cross = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])
+    with np.errstate(all="ignore"):
+        step = (
+            np.matmul(cross, (points - at)[:, :, None])[:, :, 0]
+            / (J[:, 0] * cross[:, 0]).sum(axis=1)[:, None]
+        )
+    return np.clip(np.nan_to_num(xi + step, nan=_LOST), -_LOST, _LOST)

@@ -1,0 +1,309 @@
+"""Blocks read from mesh files, of the formats in `FORMATS`."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from romdam.config.quantities import to_si
+from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.core.errors import MeshError
+from romdam.core.files import check_file
+from romdam.core.scene import Block, Bools, Floats, Ints, Material
+from romdam.geometry.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
+from romdam.geometry.facets import all_facets, boundary_facets, facet_keys, row_numbers
+from romdam.geometry.meshes.data import LARGEST, MeshFile
+from romdam.geometry.meshes.formats.abaqus import read_abaqus
+from romdam.geometry.meshes.formats.ansys import read_ansys
+from romdam.geometry.meshes.formats.aster import read_aster
+from romdam.geometry.meshes.formats.gmsh import read_gmsh
+from romdam.geometry.meshes.formats.med import read_med
+from romdam.geometry.meshes.formats.nastran import read_nastran
+from romdam.geometry.meshes.formats.stl import read_stl
+from romdam.geometry.meshes.formats.unv import read_unv
+from romdam.geometry.meshes.formats.vtu import read_vtu
+from romdam.geometry.meshes.kinds import facets_by_kind, mixed_cells
+from romdam.geometry.meshes.quality import refuse_bad_cells
+from romdam.geometry.meshes.refinement import refine
+
+log = logging.getLogger(__name__)
+
+FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
+    ".msh": read_gmsh,
+    ".bdf": read_nastran,
+    ".nas": read_nastran,
+    ".dat": read_nastran,
+    ".inp": read_abaqus,
+    ".med": read_med,
+    ".unv": read_unv,
+    ".mail": read_aster,
+    ".cdb": read_ansys,
+    ".vtu": read_vtu,
+    ".stl": read_stl,
+}
+
+
+class MeshFiles:
+    """The mesh files of a scene: each is read once, and what of it no block has used is said in the end.
+
+    Parameters
+    ----------
+    folder : that relative paths start at
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._read: dict[Path, MeshFile] = {}
+        self._used: dict[Path, list[Bools]] = {}
+
+    def block(self, name: str, config: MeshFileConfig, material: Material, location: str) -> Block:
+        """Make a block of the cells of one group of a file, in metres; nodes of other groups are left out.
+
+        Groups of facets (gmsh physical surfaces, Nastran shells by property, Abaqus shell element sets,
+        VTU cell values) become faces where they lie on the block's boundary; so do Abaqus node sets, as
+        the facets whose corners all belong to the set.
+
+        Parameters
+        ----------
+        location : file and key, for messages
+
+        Raises
+        ------
+        MeshError
+            for a file that cannot be read, a missing group, unsupported, inverted or overlapping elements.
+        """
+        path = self.folder / config.file
+        scale = to_si(f"1 {config.unit}", "m")
+        if path not in self._read:
+            file = self._read[path] = read_mesh_file(path, f"{location}.file")
+            self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
+        file = self._read[path]
+        if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
+            taken = "all groups" if config.group is None else f"group {config.group!r}"
+            log.warning(
+                "%s.group: the block takes %s of %s, which has a group %r too", location, taken, path, name
+            )
+        members = _members(file, config.group, path, location)
+        for used, members_of in zip(self._used[path], members, strict=True):
+            used[members_of] = True
+        block = _block(name, file, members, scale, material, path, location)
+        for _ in range(config.refine):
+            block = refine(block, f"{location}.refine")
+        return block
+
+    def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
+        """Numbers of the nodes in the file of a block that has been made, and their positions (n, 3) [m]."""
+        file = self._read[self.folder / config.file]
+        return file.tags, file.points * to_si(f"1 {config.unit}", "m")
+
+    def say_unused(self, source: str) -> None:
+        """Log which solid elements of the files belong to no block."""
+        for path, file in self._read.items():
+            solid = [(c, u) for c, u in zip(file.cells, self._used[path], strict=True) if c.dim == 3]
+            total = sum(len(u) for _, u in solid)
+            left = {c.kind: int((~u).sum()) for c, u in solid if not u.all()}
+            if left:
+                groups = [
+                    label
+                    for label, members in file.groups.items()
+                    if any(
+                        (~u[m]).any()
+                        for m, c, u in zip(members, file.cells, self._used[path], strict=True)
+                        if c.dim == 3
+                    )
+                ]
+                log.warning(
+                    "%s: %s: %d of its %d solid elements (%s) belong to no block; groups of them: %s",
+                    source, path, sum(left.values()), total,
+                    ", ".join(f"{n} {kind}" for kind, n in left.items()), ", ".join(groups) or "none",
+                )  # fmt: skip
+
+
+def read_mesh_file(path: Path, location: str) -> MeshFile:
+    """Read a file of one of `FORMATS`.
+
+    Raises
+    ------
+    MeshError
+        for a file that is missing, no file, too large, of another format, damaged or contradicts itself.
+    """
+    read = FORMATS.get(path.suffix.lower())
+    if read is None:
+        raise MeshError(f"{location}: {path} is of no known format; known endings are {', '.join(FORMATS)}")
+    try:
+        check_file(path, LARGEST, MeshError)
+        file = read(path, location)
+    except OSError as error:
+        raise MeshError(f"{location}: {path} cannot be read ({error})") from None
+    except MeshError as error:
+        if not path.exists():
+            raise MeshError(
+                f"{location}: no mesh file {path}; give its path relative to the configuration file"
+            ) from None
+        text = str(error)
+        raise MeshError(text if text.startswith(location) else f"{location}: {text}") from None
+    for remark in (*file.remarks, *_loose_facets(file, f"{location}: {path}")):
+        log.warning("%s: %s: %s", location, path, remark)
+    return file
+
+
+def _loose_facets(file: MeshFile, location: str) -> list[str]:
+    """Remarks on groups of facets that lie on no solid element.
+
+    Raises
+    ------
+    MeshError
+        where solid elements have all corners of a facet, but none has it as a face.
+    """
+    remarks: list[str] = []
+    solid = np.zeros(len(file.points), dtype=bool)
+    for cells in file.cells:
+        if cells.dim == 3:
+            solid[cells.nodes] = True
+    if not solid.any():  # a surface
+        return remarks
+    for k, cells in enumerate(file.cells):
+        members = (
+            {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
+            if cells.dim == 2
+            else {}
+        )
+        if not members:
+            continue
+        corner = cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
+        off = ~_on_faces(file, corner)
+        for label, members_of in members.items():
+            lost = members_of[off[members_of]]
+            bad = lost[solid[corner[lost]].all(axis=1)]
+            if len(bad):
+                raise MeshError(
+                    f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
+                    "of a solid "
+                    f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
+                )
+            if len(lost):
+                remarks.append(
+                    f"{len(lost)} of {len(members_of)} {cells.kind} of group {label!r} lie on no solid "
+                    "element"
+                )
+    return remarks
+
+
+def _on_faces(file: MeshFile, corners: Ints) -> Bools:
+    """True for facets, by their corners (n, 3 or 4), that are faces of a solid element."""
+    width = corners.shape[1]
+    rows = [np.sort(corners, axis=1)]
+    for cells in file.cells:
+        element = ELEMENT_OF_CELL.get(cells.kind)
+        if cells.dim == 3 and element is not None:
+            facets = all_facets(cells.nodes, element.name)[0][:, : ELEMENTS[element.facet].corners]
+            rows += [
+                np.sort(facet_nodes, axis=1)
+                for _, facet_nodes, _ in facets_by_kind(facets)
+                if facet_nodes.shape[1] == width
+            ]
+        elif cells.dim == 3:
+            return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
+    number = row_numbers(np.concatenate(rows))
+    return np.isin(number[: len(corners)], number[len(corners) :])
+
+
+def _block(
+    name: str,
+    file: MeshFile,
+    members: list[Ints],
+    scale: float,
+    material: Material,
+    path: Path,
+    location: str,
+) -> Block:
+    element, cells = _cells(file, members, path, location)
+    used, local = np.unique(cells, return_inverse=True)
+    points = file.points[used] * scale
+    cells = local.reshape(cells.shape)
+    number = np.full(len(file.points), -1)
+    number[used] = np.arange(len(used))
+    faces = _faces(file, boundary_facets(cells, element), number)
+    block = Block(name, element, points, cells, material, faces)
+    refuse_bad_cells(block, f"{location}.file: {path}")
+    return block
+
+
+def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> list[Ints]:
+    """Cell numbers of the group in every block of the file."""
+    if group is None:
+        return [np.arange(len(c.ids)) for c in file.cells]
+    label = str(group)
+    if label not in file.groups or not _solids(file, file.groups[label]):
+        label = file.numbers.get(label, label)
+    if label not in file.groups or not _solids(file, file.groups[label]):
+        known = [g for g, members in file.groups.items() if _solids(file, members)]
+        what = "holds no solid elements" if label in file.groups else "does not exist"
+        raise MeshError(
+            f"{location}.group: group {group!r} {what} in {path}; groups of solid elements are "
+            f"{', '.join(known) or 'none: leave `group` out to take all elements'}"
+        )
+    return file.groups[label]
+
+
+def _solids(file: MeshFile, members: list[Ints]) -> int:
+    return sum(len(m) for m, cells in zip(members, file.cells, strict=True) if cells.dim == 3)
+
+
+def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tuple[str, Ints]:
+    """The block's element and its cells, in the file's node numbers."""
+    kinds: dict[str, list[Ints]] = {}
+    for m, cells in zip(members, file.cells, strict=True):
+        if cells.dim == 3 and len(m):
+            kinds.setdefault(cells.kind, []).append(cells.nodes[m])
+    counts = {kind: sum(map(len, cells)) for kind, cells in kinds.items()}
+    listed = ", ".join(f"{count} {kind}" for kind, count in counts.items()) or "no solid elements"
+    if not set(counts) <= set(ELEMENT_OF_CELL) or not counts:
+        known = ", ".join(f"{element.cell.name} ({name})" for name, element in SOLIDS.items())
+        raise MeshError(
+            f"{location}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
+            "one of these"
+        )
+    tables = {kind: np.concatenate(cell_nodes) for kind, cell_nodes in kinds.items()}
+    if len(tables) == 1:
+        kind, cell_nodes = next(iter(tables.items()))
+        return ELEMENT_OF_CELL[kind].name, cell_nodes
+    if not (mixed := mixed_cells(tables)):
+        raise MeshError(
+            f"{location}.file: {path} mixes elements in this block ({listed}); a block takes linear elements "
+            "or those with mid-edge nodes, hexahedron27 apart; put the others into groups and blocks of "
+            "their own, tied by joints"
+        )
+    return mixed
+
+
+def _keys(corners: Ints, width: int) -> list[list[int]]:
+    """Keys of facets by their corners, those of triangles as of collapsed quadrilaterals."""
+    padded = np.pad(corners, ((0, 0), (0, width - corners.shape[1])), mode="edge")
+    return cast("list[list[int]]", facet_keys(padded).tolist())
+
+
+def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
+    """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
+    width = facet_frame(boundary).corners
+    keys = facet_keys(boundary[:, :width])
+    index = {tuple(key): f for f, key in enumerate(keys.tolist())}
+    faces = {}
+    for label, members in file.groups.items():
+        numbers = {
+            index.get(tuple(key), -1)
+            for m, cells in zip(members, file.cells, strict=True)
+            if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners <= width
+            for key in _keys(number[cells.nodes[m][:, : ELEMENT_OF_CELL[cells.kind].corners]], width)
+        }
+        if chosen := sorted(numbers - {-1}):
+            faces[label] = boundary[chosen]
+    for label, nodes in file.node_sets.items():
+        inside = np.isin(keys, number[nodes]).all(axis=1)
+        if inside.any():
+            faces.setdefault(label, boundary[inside])
+    return faces

@@ -1,0 +1,376 @@
+"""Abaqus input files: nodes, elements, node and element sets, element surfaces.
+
+Read here and not by meshio 5.3, which mixes up element sets named on *ELEMENT lines, knows no
+surfaces and refuses a whole file for one shell type it does not know. Node orders are VTK's.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.errors import MeshError, quote
+from romdam.core.files import check_file, file_text
+from romdam.core.scene import Ints
+from romdam.geometry.cells import Cell
+from romdam.geometry.elements import CELLS, SOLIDS
+from romdam.geometry.meshes.data import (
+    LARGEST,
+    Cells,
+    Groups,
+    MeshFile,
+    cannot_be_read,
+    checked_mesh,
+    missing_ids,
+)
+from romdam.geometry.meshes.formats.abaqus_assembly import Keyword, Lines, flat
+
+_DEEPEST = 10  # of files that include each other
+_ASSEMBLY = ("INSTANCE", "END INSTANCE", "PART", "END PART", "ASSEMBLY", "END ASSEMBLY")
+_SOLID = re.compile(r"^(?:DC|AC|C)3D(\d+)[A-Z]*$")
+_SHELL = re.compile(r"^(?:CPS|CPE|CAX|SFM3D|M3D|R3D|STRI|S|DS)(\d)[A-Z]*\d?$")
+_OTHER = re.compile(  # structural and special elements, which no block is made of
+    r"^(?:[TBFR][23]D|B[23]\d|PIPE|ELBOW|FRAME|SPRING|DASHPOT|MASS|ROTARYI|CONN|GAP|COH|SC\d|RAX|JOINT|ITT|ISL"
+    r"|HEATCAP|INERTIA|AC2D|ACIN|U\d)"
+)
+_SOLID_TYPES, _SHELL_TYPES = (
+    {cell.nodes: cell for cell in CELLS.values() if cell.abaqus and cell.dim == dim} for dim in (3, 2)
+)
+_USE = "use one of " + ", ".join(f"C3D{cell.nodes}" for cell in _SOLID_TYPES.values())
+_HEX_SIDES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
+_TET_SIDES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+_WEDGE_SIDES = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
+_PYRAMID_SIDES = ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0))
+_SIDES_OF = {"hex8": _HEX_SIDES, "tet4": _TET_SIDES, "wedge6": _WEDGE_SIDES, "pyramid5": _PYRAMID_SIDES}
+_SIDES = {e.cell.name: _SIDES_OF[e.linear] for e in SOLIDS.values()}
+_REFUSED = {  # what makes or moves nodes and elements in ways that are not followed
+    "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "IMPORT", "SUBSTRUCTURE GENERATE",
+    "SYMMETRIC MODEL GENERATION",
+}  # fmt: skip
+
+
+@dataclass
+class _Deck:
+    """Content read so far; numbers are the file's own until the end."""
+
+    location: str
+    tags: list[int] = field(default_factory=list)
+    points: list[list[float]] = field(default_factory=list)
+    blocks: list[tuple[Cell, list[list[int]]]] = field(default_factory=list)  # number and nodes
+    sets: dict[str, dict[str, list[list[str]]]] = field(default_factory=lambda: {"ELSET": {}, "NSET": {}})
+    surfaces: dict[str, list[tuple[str, int]]] = field(default_factory=dict)  # element or set, side
+    others: Counter[str] = field(default_factory=Counter)  # element types that are left out
+    short: int = 0  # nodes with fewer than three coordinates
+    remarks: list[str] = field(default_factory=list)
+
+    def error(self, text: str) -> MeshError:
+        """An error that names the file."""
+        return MeshError(f"{self.location}: {text}")
+
+    def name(self, kind: str, label: str) -> str:
+        """The spelling in which a set was named first; Abaqus does not tell cases apart."""
+        known = self.sets[kind]
+        return next((other for other in known if other.upper() == label.upper()), label)
+
+
+def read_abaqus(path: Path, location: str) -> MeshFile:
+    """Read an Abaqus mesh and the files it includes, its instances in their places.
+
+    Element sets and surfaces become groups; the sides of every surface are appended as facets, with element
+    numbers below zero.
+
+    Raises
+    ------
+    MeshError
+        for unsupported solids, nodes and elements that are generated, unknown members
+        of sets, and lines that are no numbers.
+    """
+    deck, renumbered = _Deck(f"{location}: {path}"), []  # type: _Deck, list[str]
+    try:
+        for keyword, options, lines in flat(_keywords(_lines(deck, path, ())), renumbered):
+            _read(deck, keyword, options, lines)
+    except ValueError as error:
+        raise cannot_be_read(deck.location, "abaqus", str(error)) from None
+    if not deck.tags:
+        raise cannot_be_read(deck.location, "abaqus", "no *NODE block")
+    mesh = _finish(deck)
+    ids = () if renumbered else missing_ids([c for c in mesh.cells if c.ids.min() > 0])  # no surface's sides
+    return replace(mesh, remarks=(*mesh.remarks, *renumbered, *ids))
+
+
+def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
+    """Lines of a file and of those it includes, without comments."""
+    check_file(path, LARGEST, MeshError)
+    here = path.resolve()
+    if here in above or len(above) >= _DEEPEST:
+        what = "includes itself" if here in above else f"is included {_DEEPEST} files deep, the limit"
+        raise deck.error(f"*INCLUDE: {path} {what}; put the mesh into one file")
+    for line in file_text(path).split("\n"):
+        text = line.strip()
+        if not text or text.startswith("**"):
+            continue
+        if re.match(r"\*\s*INCLUDE\b", text, re.IGNORECASE):
+            match = re.search(r"""INPUT\s*=\s*["']?([^"',]+)""", text, re.IGNORECASE)
+            if match is None or not (path.parent / match[1].strip()).is_file():
+                raise deck.error(
+                    f"{quote(text)}: there is no such file beside {path.name}; put the mesh into one file"
+                )
+            yield from _lines(deck, path.parent / match[1].strip(), (*above, here))
+        else:
+            yield text
+
+
+def _keywords(lines: Iterator[str]) -> Iterator[Keyword]:
+    """Keyword, options and the data lines below it; a comma at the end continues the keyword's line."""
+    head, data = "", []  # type: str, Lines
+    for text in lines:
+        if text.startswith("*"):
+            yield (*_head(head), data)
+            head, data = text[1:], []
+        elif head.endswith(",") and not data and "=" in text:
+            head += text
+        else:
+            data.append([word.strip() for word in text.split(",")])
+    yield (*_head(head), data)
+
+
+def _head(text: str) -> tuple[str, dict[str, str]]:
+    keyword, *rest = (word.strip() for word in text.split(","))
+    pairs = (word.partition("=") for word in rest if word)
+    options = {key.strip().upper(): value.strip().strip("\"'") for key, _, value in pairs}
+    return " ".join(keyword.upper().split()), options
+
+
+def _read(deck: _Deck, keyword: str, options: dict[str, str], lines: Lines) -> None:
+    if keyword in _REFUSED:
+        raise deck.error(f"*{keyword} is not followed; export one flat mesh, with every node and element")
+    if keyword in _READ:
+        if "INPUT" in options:
+            raise deck.error(
+                f"*{keyword}, INPUT={options['INPUT']} is not followed; put the mesh into one file"
+            )
+        _READ[keyword](deck, options, lines)
+    elif keyword not in _ASSEMBLY and (close := get_close_matches(keyword, _READ, n=1, cutoff=0.75)):
+        raise deck.error(f"*{keyword} is not known; is *{close[0]} meant?")
+
+
+def _numbers(deck: _Deck, words: list[str], what: str) -> list[int]:
+    wrong = next((word for word in words if not re.fullmatch(r"[+-]?\d{1,18}", word)), None)
+    if wrong is not None:
+        raise deck.error(f"{what} holds {quote(wrong)}, expected whole numbers; repair the file")
+    return [int(word) for word in words]
+
+
+def _read_nodes(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
+    if options.get("SYSTEM", "R").upper() != "R":
+        raise deck.error(
+            f"*NODE, SYSTEM={options['SYSTEM']} is not followed; export rectangular coordinates (SYSTEM=R)"
+        )
+    for line in lines:
+        words = line if line[-1] else line[:-1]
+        try:
+            position = [float(word) if word else 0.0 for word in words[1:4]]
+            (number,) = _numbers(deck, words[:1], "*NODE")
+        except (ValueError, MeshError):
+            position = []
+        if not len(position) >= 1 or len(words) > 7 or "_" in "".join(words):
+            raise deck.error(f"*NODE line {quote(','.join(line))} is no node; repair the file")
+        deck.short += len(position) < 3
+        deck.tags.append(number)
+        deck.points.append(position + [0.0] * (3 - len(position)))
+    if "NSET" in options:
+        _add(deck, "NSET", options["NSET"], [[line[0]] for line in lines])
+
+
+def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
+    kind = options.get("TYPE", "").upper()
+    cell = _cell_type(deck, kind)
+    if cell is None:
+        deck.others[kind] += len(lines)
+        return
+    size = cell.nodes
+    rows: list[list[int]] = []
+    row: list[int] = []
+    for line in lines:
+        row += _numbers(deck, [word for word in line if word], f"*ELEMENT, TYPE={kind}")
+        if len(row) > size:
+            rows.append(row)
+            row = []
+        if rows and len(rows[-1]) > size + 1:
+            break
+    if row or (rows and len(rows[-1]) != size + 1):
+        wrong = row or rows[-1]
+        raise deck.error(
+            f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, each "
+            "element on lines of its own; repair the file"
+        )
+    deck.blocks.append((cell, rows))
+    for key in ("ELSET", "INSTANCE"):
+        if key in options:
+            _add(deck, "ELSET", options[key], [[str(row[0])] for row in rows])
+
+
+def _cell_type(deck: _Deck, kind: str) -> Cell | None:
+    """The cell of an element type; None for what is neither solid nor shell."""
+    if solid := _SOLID.match(kind):
+        size = int(solid[1])
+        if size not in _SOLID_TYPES:
+            raise deck.error(f"unsupported element type {kind}; {_USE}")
+        return _SOLID_TYPES[size]
+    shell = _SHELL.match(kind)
+    size = int(shell[1]) if shell else 0
+    if size not in _SHELL_TYPES and not _OTHER.match(kind):
+        raise deck.error(f"unknown element type {kind or '(none)'}; {_USE}")
+    return _SHELL_TYPES.get(size)
+
+
+def _add(deck: _Deck, kind: str, label: str, entries: list[list[str]]) -> None:
+    deck.sets[kind].setdefault(deck.name(kind, label), []).extend(entries)
+
+
+def _read_set(deck: _Deck, options: dict[str, str], lines: Lines, key: str) -> None:
+    """Members stay as they are written, [member] or [first, last, step], until everything is known."""
+    filled = [[word for word in line if word] for line in lines]
+    if "GENERATE" in options:
+        wrong = next((line for line in filled if len(line) not in (2, 3)), None)
+        if wrong is not None:
+            raise deck.error(f"*{key}, GENERATE line {quote(','.join(wrong))} is no first, last, step")
+        entries = [[*line, "1"][:3] for line in filled]
+    else:
+        entries = [[word] for line in filled for word in line]
+    _add(deck, key, options.get(key, ""), entries)
+
+
+def _read_surface(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
+    label = options.get("NAME", "")
+    if options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
+        deck.remarks.append(f"surface {label!r} of TYPE={options['TYPE']} is left out")
+        return
+    sides = [
+        (line[0], int(line[1][1:])) for line in lines if len(line) > 1 and re.match(r"^[Ss]\d$", line[1])
+    ]
+    if len(sides) < len(lines):
+        deck.remarks.append(
+            f"{len(lines) - len(sides)} of {len(lines)} lines of surface {label!r} name no side S1 to S6 "
+            "and are left out"
+        )
+    deck.surfaces.setdefault(label, []).extend(sides)
+
+
+_READ: dict[str, Callable[[_Deck, dict[str, str], Lines], None]] = {
+    "NODE": _read_nodes,
+    "ELEMENT": _read_elements,
+    "ELSET": lambda deck, options, lines: _read_set(deck, options, lines, "ELSET"),
+    "NSET": lambda deck, options, lines: _read_set(deck, options, lines, "NSET"),
+    "SURFACE": _read_surface,
+}
+
+
+def _finish(deck: _Deck) -> MeshFile:
+    """Number nodes and elements from 0 and turn surfaces into facets."""
+    tags = np.array(deck.tags, dtype=np.int64)
+    tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in deck.blocks if rows]
+    cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
+    remarks = (*deck.remarks, *_left_out(deck))
+    ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
+    known = {"ELSET": ids, "NSET": np.sort(tags)}
+    if not deck.others:  # else sets may name elements that are left out
+        for name in deck.sets["ELSET"]:
+            _members(deck, "ELSET", name, known)
+    members = {name: _members(deck, "ELSET", name, known, bool(deck.others)) for name in deck.sets["ELSET"]}
+    for name, sides in deck.surfaces.items():
+        cells += _surface_cells(deck, sides, name, members, cells)
+    mesh = checked_mesh(tags, np.array(deck.points), cells, deck.location)
+    groups: Groups = {
+        name: [np.flatnonzero(np.isin(c.ids, member_ids)) for c in cells]
+        for name, member_ids in members.items()
+    }
+    order = np.argsort(tags)
+    node_sets = {
+        name: order[np.searchsorted(tags[order], _members(deck, "NSET", name, known))]
+        for name in deck.sets["NSET"]
+    }
+    return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*mesh.remarks, *remarks))
+
+
+def _left_out(deck: _Deck) -> list[str]:
+    listed = ", ".join(f"{count} {kind}" for kind, count in sorted(deck.others.items()))
+    remarks = [f"elements that are neither solids nor shells are left out ({listed})"] if deck.others else []
+    short = f"{deck.short} nodes have fewer than three coordinates, the others are read as 0"
+    return [*remarks, short] if deck.short else remarks
+
+
+def _members(
+    deck: _Deck,
+    kind: str,
+    name: str,
+    known: dict[str, Ints],
+    lenient: bool = False,
+    above: tuple[str, ...] = (),
+) -> Ints:
+    """Numbers of a set, the sets that it names resolved."""
+    members_of: list[Ints] = [np.zeros(0, np.int64)]
+    single: list[str] = []
+    what = f"*{kind} {name}"
+    for entry in deck.sets[kind][name]:
+        other = deck.name(kind, entry[0])
+        if len(entry) == 3:
+            first, last, step = _numbers(deck, entry, what)
+            if step < 1 or last < first:
+                raise deck.error(f"{what}, GENERATE {first}, {last}, {step} is no range that goes up")
+            inside = known[kind][
+                np.searchsorted(known[kind], first) : np.searchsorted(known[kind], last, "right")
+            ]
+            members_inside = inside[(inside - first) % step == 0]
+            _refuse_lost(deck, what, (last - first) // step + 1 - len(members_inside), lenient)
+            members_of.append(members_inside)
+        elif other in deck.sets[kind] and other not in (*above, name):
+            members_of.append(_members(deck, kind, other, known, lenient, (*above, name)))
+        else:
+            single += entry
+    numbers = np.array(_numbers(deck, single, what), dtype=np.int64)
+    there = np.isin(numbers, known[kind])
+    _refuse_lost(deck, what, int((~there).sum()), lenient)
+    return np.unique(np.concatenate([*members_of, numbers[there]]))
+
+
+def _refuse_lost(deck: _Deck, what: str, lost: int, lenient: bool) -> None:
+    if lost and not lenient:
+        raise deck.error(
+            f"{what} names {lost} members that are not given, limit 0: the file was cut, or has lost them"
+        )
+
+
+def _surface_cells(
+    deck: _Deck, sides: list[tuple[str, int]], name: str, members: dict[str, Ints], solids: list[Cells]
+) -> list[Cells]:
+    """The facets of a surface; they get numbers below zero and join the set of its name."""
+    facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
+    for of, side in sides:
+        label = deck.name("ELSET", of)
+        wanted = members[label] if label in members else np.array(_numbers(deck, [of], f"*SURFACE {name}"))
+        count = 0
+        for block in solids:
+            corners = _SIDES.get(block.kind, ())
+            if side <= len(corners):
+                rows = block.nodes[np.isin(block.ids, wanted)][:, list(corners[side - 1])]
+                facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
+                count += len(rows)
+        if count < len(wanted):
+            raise deck.error(f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist")
+    first = min(0, *(int(m.min(initial=0)) for m in members.values())) - 1 if members else -1
+    cells = []
+    for kind, parts in facets_of.items():
+        table = np.concatenate(parts) if parts else np.zeros((0, 1), np.int64)
+        if len(table):
+            ids = first - np.arange(len(table))
+            first -= len(table)
+            members[name] = np.union1d(members.get(name, np.zeros(0, np.int64)), ids)
+            cells.append(Cells(kind, table, ids))
+    return cells

@@ -1,0 +1,176 @@
+"""Meshes of code_aster in its own format (.mail): nodes, elements and groups by name.
+
+No library reads them.
+
+References
+----------
+code_aster, U3.01.00, Description du fichier de maillage au format ASTER. Uprights come before the top ring
+in HEXA20, HEXA27 and PENTA15 (U3.01.00, tables of elements).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.errors import quote
+from romdam.core.files import file_text
+from romdam.core.scene import Ints
+from romdam.geometry.elements import CELLS
+from romdam.geometry.meshes.data import (
+    Cells,
+    MeshFile,
+    by_number,
+    cannot_be_read,
+    checked_mesh,
+    numbers_of,
+)
+
+_CELLS = {cell.aster: cell for cell in CELLS.values() if cell.aster}
+_ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)\d+")
+_HEADER = re.compile(r"(\w+)\s*=\s*(\S+)")
+_SECTIONS = ("TITRE", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO", "FIN")
+
+
+@dataclass
+class _Section:
+    """Lines between a keyword and FINSF."""
+
+    where: int
+    keyword: str
+    name: str  # of NOM = ..., of groups
+    words: list[str]
+
+
+@dataclass
+class _Names:
+    """Numbers from 1 on for names."""
+
+    numbers: dict[str, int] = field(default_factory=dict)
+
+    def new(self, name: str, what: str) -> int:
+        """Number of a name that is given once."""
+        if name in self.numbers:
+            raise ValueError(f"{what} {quote(name)} is given twice")
+        return self.numbers.setdefault(name, len(self.numbers) + 1)
+
+    def take_own(self) -> None:
+        """Take the names' own numbers, as 12 of N12, where they are different."""
+        matches = [re.fullmatch(r"\D*(\d{1,17})", name) for name in self.numbers]
+        if all(matches) and len({int(match[1]) for match in matches if match}) == len(matches):
+            self.numbers = {
+                name: int(match[1]) for name, match in zip(self.numbers, matches, strict=True) if match
+            }
+
+    def of(self, names: list[str], what: str) -> Ints:
+        """Numbers of known names."""
+        lost = [name for name in names if name not in self.numbers]
+        if lost:
+            raise ValueError(f"{what} names {quote(lost[0])}, which is not given ({len(lost)} such names)")
+        return np.array([self.numbers[name] for name in names], dtype=np.int64)
+
+
+def read_aster(path: Path, location: str) -> MeshFile:
+    """Read a .mail file; GROUP_MA and GROUP_NO by name.
+
+    Raises
+    ------
+    MeshError
+        for sections without FINSF, files without FIN, unknown elements, and members that are not given.
+    """
+    location = f"{location}: {path}"
+    try:
+        sections = list(_sections(file_text(path).split("\n")))
+        nodes, elements = _Names(), _Names()
+        points = _points(sections, nodes)
+        cells = [
+            block for s in sections if _ELEMENT.fullmatch(s.keyword) for block in _cells(s, nodes, elements)
+        ]
+        mesh = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, location)
+        groups, node_sets = by_number(
+            mesh, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
+        )
+    except ValueError as error:
+        raise cannot_be_read(location, ".mail", str(error)) from None
+    return replace(mesh, groups=groups, node_sets=node_sets)
+
+
+def _sections(lines: list[str]) -> Iterator[_Section]:
+    section: _Section | None = None
+    for k, line in enumerate(lines):
+        text = line.partition("%")[0].strip()
+        if not text:
+            continue
+        if section is None:
+            keyword, _, rest = text.replace("\t", " ").partition(" ")
+            keyword = keyword.upper()
+            if keyword == "FIN":
+                return
+            if keyword not in _SECTIONS and not _ELEMENT.fullmatch(keyword):
+                raise ValueError(f"line {k + 1}: {quote(keyword)} is no section of the format")
+            section = _Section(k + 1, keyword, "", [])
+            text = rest
+        section, ended = _filled(section, text)
+        if ended:
+            yield section
+            section = None
+    where = (
+        f"{section.keyword} of line {section.where} has no FINSF" if section else "it does not end with FIN"
+    )
+    raise ValueError(f"{where}: the file was cut")
+
+
+def _filled(section: _Section, text: str) -> tuple[_Section, bool]:
+    """A section with the words of one more line, and whether it ends there."""
+    if section.keyword == "TITRE":
+        return section, "FINSF" in text.upper().split()
+    header = {key.upper(): value for key, value in _HEADER.findall(text)}
+    words = _HEADER.sub(" ", text).split()
+    name = section.name or header.get("NOM", "")
+    ended = bool(words) and words[-1].upper() == "FINSF"
+    section.words.extend(words[:-1] if ended else words)
+    return replace(section, name=name), ended
+
+
+def _points(sections: list[_Section], nodes: _Names) -> np.ndarray:
+    words = [(s, k) for s in sections if s.keyword == "COOR_3D" for k in range(0, len(s.words), 4)]
+    if any(s.keyword == "COOR_2D" for s in sections):
+        raise ValueError("COOR_2D: the mesh is of two dimensions")
+    numbers: list[str] = []
+    for section, k in words:
+        nodes.new(section.words[k], "node")
+        numbers += section.words[k + 1 : k + 4]
+    nodes.take_own()
+    if len(numbers) != 3 * len(words):
+        raise ValueError("COOR_3D ends amid a node, of a name and three coordinates")
+    return numbers_of([word.upper().replace("D", "E") for word in numbers], "COOR_3D").reshape(-1, 3)
+
+
+def _cells(section: _Section, nodes: _Names, elements: _Names) -> Iterator[Cells]:
+    what = f"{section.keyword} of line {section.where}"
+    if section.keyword not in _CELLS:
+        raise ValueError(f"{what} is no element that is known")
+    cell = _CELLS[section.keyword]
+    rows = [section.words[k : k + 1 + cell.nodes] for k in range(0, len(section.words), 1 + cell.nodes)]
+    if rows and len(rows[-1]) != 1 + cell.nodes:
+        raise ValueError(f"{what} ends amid element {quote(rows[-1][0])}, of {cell.nodes} nodes")
+    if rows:
+        ids = np.array([elements.new(row[0], "element") for row in rows], dtype=np.int64)
+        table = nodes.of([name for row in rows for name in row[1:]], what).reshape(len(rows), -1)
+        yield Cells(cell.name, cell.in_vtk_order(table, "aster"), ids)
+
+
+def _members(sections: list[_Section], keyword: str, names: _Names) -> dict[str, Ints]:
+    members_of: dict[str, Ints] = {}
+    for section in sections:
+        if section.keyword == keyword:
+            words = section.words if section.name else section.words[1:]
+            name = section.name or (section.words or [""])[0]
+            if name in members_of:
+                raise ValueError(f"{keyword} {quote(name)} is given twice")
+            members_of[name] = names.of(words, f"{keyword} {name}")
+    return members_of

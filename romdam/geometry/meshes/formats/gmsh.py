@@ -1,0 +1,348 @@
+"""Gmsh's .msh, versions 2.2 and 4.1, as text and binary.
+
+Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
+is not given, what numbers there are for a count that is larger, and the first physical group of several.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.errors import quote
+from romdam.core.scene import Floats, Ints
+from romdam.geometry.elements import CELLS
+from romdam.geometry.facets import row_numbers
+from romdam.geometry.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.geometry.meshes.formats.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
+
+_TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
+_EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
+
+
+@dataclass
+class _Content:
+    """Content read so far."""
+
+    tags: list[Ints] = field(default_factory=list)
+    points: list[Floats] = field(default_factory=list)
+    cells: list[Cells] = field(default_factory=list)
+    physical: list[dict[int, Ints]] = field(default_factory=list)  # of every one of `cells`: group -> rows
+    entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups
+    origin: list[Ints] = field(
+        default_factory=list
+    )  # of every one of `cells`: entity and group (version 2.2)
+    names: dict[tuple[int, int], str] = field(default_factory=dict)  # (dim, group) -> name
+    seen: set[str] = field(default_factory=set)
+
+
+def read_gmsh(path: Path, location: str) -> MeshFile:
+    """Read a .msh file.
+
+    Raises
+    ------
+    MeshError
+        for what is damaged, of another version, partitioned, or contradicts itself.
+    """
+    location = f"{location}: {path}"
+    try:
+        content = _sections(path.read_bytes())
+        mesh = checked_mesh(
+            np.concatenate([np.zeros(0, np.int64), *content.tags]),
+            np.vstack([np.zeros((0, 3)), *content.points]),
+            content.cells,
+            location,
+        )
+        return _grouped(mesh, content)
+    except ValueError as error:
+        raise cannot_be_read(location, "gmsh", str(error)) from None
+
+
+def _sections(data: bytes) -> _Content:
+    content, at, layout, version = _Content(), 0, None, 0.0
+    while (at := _past_blanks(data, at)) < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        head = data[at:end].strip()
+        name = head[1:].decode("latin-1")
+        if not re.fullmatch(rb"\$[A-Za-z]+", head):
+            raise ValueError(f"expected a section such as $Nodes, got {quote(head.decode('latin-1'))}")
+        if name in content.seen and name in ("MeshFormat", "PhysicalNames", "Entities", "Nodes", "Elements"):
+            raise ValueError(f"${name} is given twice")
+        if not content.seen and name not in ("MeshFormat", "Comments"):
+            raise ValueError("it does not begin with $MeshFormat")
+        content.seen.add(name)
+        stop = data.find(b"\n$End" + name.encode(), end)
+        if stop < 0:
+            raise ValueError(f"${name} is not closed by $End{name}: the file was cut")
+        if name == "MeshFormat":
+            version, layout = _layout(data[end + 1 : stop])
+        elif name == "PhysicalNames":
+            content.names = _physical_names(data[end + 1 : stop])
+        elif name.startswith("Partitioned"):
+            raise ValueError("it is partitioned; save the mesh before it is partitioned")
+        elif reader := _READERS.get((name, version)):
+            stop = _read_section(data, (end + 1, stop), layout, name, reader, content)
+        at = _past_end(data, stop, name)
+    for name in ("Nodes", "Elements"):
+        if name not in content.seen:
+            raise ValueError(f"it has no ${name}")
+    return content
+
+
+def _past_blanks(data: bytes, at: int) -> int:
+    while at < len(data) and data[at : at + 1].isspace():
+        at += 1
+    return at
+
+
+def _past_end(data: bytes, at: int, name: str) -> int:
+    """Position after the line $End<name>, which must stand here."""
+    at = _past_blanks(data, at)
+    end = data.find(b"\n", at)
+    end = len(data) if end < 0 else end
+    if data[at:end].strip() != b"$End" + name.encode():
+        raise ValueError(f"${name} does not end with $End{name} where its counts say")
+    return end
+
+
+def _layout(body: bytes) -> tuple[float, Layout | None]:
+    """Version, and byte order with the size of size_t; None for text."""
+    words = body.split(None, 3)
+    try:
+        version, binary, size = float(words[0]), int(words[1]), int(words[2])
+    except (ValueError, IndexError):
+        raise ValueError("$MeshFormat does not give version, type and size") from None
+    if not (2.0 <= version <= 2.2 or version == 4.1) or binary not in (0, 1) or size not in (4, 8):
+        raise ValueError(
+            f"version {version:g}, type {binary}, size {size}; versions 2.2 and 4.1 are read: {_EXPORT}"
+        )
+    version = 4.1 if version > 4.0 else 2.2
+    if not binary:
+        return version, None
+    mark = body.partition(b"\n")[2][:4]
+    if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
+        raise ValueError("its byte order cannot be told")
+    return version, Layout("<" if mark[0] else ">", size)
+
+
+def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
+    lines = [line for line in body.decode("utf-8", errors="replace").splitlines() if line.strip()]
+    names: dict[tuple[int, int], str] = {}
+    for line in lines[1:]:
+        words = shlex.split(line)
+        if len(words) != 3 or (int(words[0]), int(words[1])) in names:
+            raise ValueError(
+                f"$PhysicalNames line {quote(line)} is no dimension, number and name, or a second"
+            )
+        names[int(words[0]), int(words[1])] = words[2]
+    if not lines or int(lines[0]) != len(names):
+        raise ValueError(f"$PhysicalNames lists {len(names)} names, and says {quote((lines or [''])[0])}")
+    return names
+
+
+Reader = Callable[[Numbers, _Content], None]
+
+
+def _read_section(
+    data: bytes,
+    limits: tuple[int, int],
+    layout: Layout | None,
+    name: str,
+    reader: Reader,
+    content: _Content,
+) -> int:
+    """Read one section; where it ends follows from its counts."""
+    if layout is None:
+        words = Words(data[slice(*limits)], name)
+        reader(words, content)
+        words.refuse_rest()
+        return limits[1]
+    stream = Bytes(data, limits[0], name, layout)
+    reader(stream, content)
+    return stream.at
+
+
+def _entities(stream: Numbers, content: _Content) -> None:
+    content.entities = {}
+    for dim, count in enumerate(counts(stream, 4, "size")):
+        for _ in range(count):
+            (tag,) = counts(stream, 1)
+            stream.floats(6 if dim else 3)
+            groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
+            if dim:
+                stream.ints(counts(stream, 1, "size")[0], "int")
+            if (dim, tag) in content.entities:
+                raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
+            content.entities[dim, tag] = groups
+
+
+def _nodes_41(stream: Numbers, content: _Content) -> None:
+    blocks, total, *_ = counts(stream, 4, "size")
+    for _ in range(blocks):
+        dim, _, parametric = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
+        content.tags.append(stream.ints(count, "size"))
+        width = 3 + (dim if parametric else 0)
+        content.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
+    _compare(sum(map(len, content.tags)), total, "Nodes")
+
+
+def _elements_41(stream: Numbers, content: _Content) -> None:
+    blocks, total, *_ = counts(stream, 4, "size")
+    for _ in range(blocks):
+        dim, tag, kind = counts(stream, 3)
+        (count,) = counts(stream, 1, "size")
+        size = _size(kind)
+        rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
+        if content.entities is not None and (dim, tag) not in content.entities:
+            raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
+        groups = (content.entities or {}).get((dim, tag), [])
+        _add(content, kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
+        if content.cells[-1].dim != dim:
+            raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
+    _compare(sum(len(c.ids) for c in content.cells), total, "Elements")
+
+
+def _nodes_22(stream: Numbers, content: _Content) -> None:
+    if isinstance(stream, Bytes):
+        count = stream.count_line()
+        raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
+        content.tags.append(raw["tag"].astype(np.int64).reshape(count))
+        content.points.append(raw["x"].astype(float))
+        return
+    (count,) = counts(stream, 1)
+    rows = stream.floats(4 * count).reshape(count, 4)
+    content.tags.append(whole(rows[:, 0], "Nodes"))
+    content.points.append(rows[:, 1:])
+
+
+def _elements_22(stream: Numbers, content: _Content) -> None:
+    if isinstance(stream, Bytes):
+        _elements_22_binary(stream, content)
+        return
+    assert isinstance(stream, Words)
+    (total,) = counts(stream, 1)
+    numbers = whole(stream.numbers, "Elements")
+    flat, at = numbers.tolist(), 1
+    starts: dict[tuple[int, int], list[int]] = {}
+    for k in range(total):
+        if at + 3 > len(flat):
+            raise ValueError(f"$Elements ends after {k} of {total} elements: the file was cut")
+        kind, tags = flat[at + 1], flat[at + 2]
+        if tags < 0:
+            raise ValueError(f"$Elements gives element {flat[at]} {tags} tags")
+        starts.setdefault((kind, tags), []).append(at)
+        at += 3 + tags + _size(kind)
+    stream.at = 1
+    stream.ints(at - 1, "int")  # as many as there are
+    for (kind, tags), firsts in starts.items():
+        rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
+        _add_22(content, kind, np.delete(rows, [1, 2], axis=1), tags)
+    _refuse_mixed_entities(content)
+
+
+def _elements_22_binary(stream: Bytes, content: _Content) -> None:
+    total, done = stream.count_line(), 0
+    while done < total:
+        kind, count, tags = counts(stream, 3)
+        if count < 1 or tags < 0:
+            raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
+        width = 1 + tags + _size(kind)
+        _add_22(content, kind, stream.ints(count * width, "int").reshape(count, width), tags)
+        done += count
+    _compare(done, total, "Elements")
+    _refuse_mixed_entities(content)
+
+
+def _add_22(content: _Content, kind: int, rows: Ints, tags: int) -> None:
+    """Add rows of number, tags (physical group, entity, ...) and nodes."""
+    nothing = np.zeros(len(rows), dtype=np.int64)
+    group = np.abs(rows[:, 1]) if tags else nothing
+    groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
+    _add(content, kind, rows[:, 0], rows[:, 1 + tags :], groups)
+    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(content.cells) << 40)
+    content.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
+
+
+def _refuse_mixed_entities(content: _Content) -> None:
+    """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
+    for dim in (2, 3):
+        origins = [o for o, c in zip(content.origin, content.cells, strict=True) if c.dim == dim]
+        rows = np.concatenate([np.zeros((0, 3), np.int64), *origins])
+        entities = np.unique(rows[:, 0])
+        if len(entities) < 2:
+            continue  # written by what knows no entities
+        for entity in entities:
+            here = rows[rows[:, 0] == entity]
+            groups, sizes = np.unique(here[:, 1], return_counts=True)
+            if len(here) != len(groups) * len(np.unique(here[:, 2])):
+                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, sizes, strict=True))
+                raise ValueError(
+                    f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
+                    "an entity is in a group as a whole"
+                )
+
+
+def _add(content: _Content, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
+    cell = _TYPES[kind]
+    content.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
+    content.physical.append(groups)
+
+
+def _size(kind: int) -> int:
+    if kind not in _TYPES:
+        raise ValueError(f"element type {kind} is not known")
+    return _TYPES[kind].nodes
+
+
+def _compare(count: int, said: int, name: str) -> None:
+    if count != said:
+        raise ValueError(f"${name} holds {count}, and says {said}")
+
+
+_READERS: dict[tuple[str, float], Reader] = {
+    ("Entities", 4.1): _entities,
+    ("Nodes", 4.1): _nodes_41,
+    ("Elements", 4.1): _elements_41,
+    ("Nodes", 2.2): _nodes_22,
+    ("Elements", 2.2): _elements_22,
+}
+
+
+def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
+    """The physical groups of faces and solids by name; one name may stand for a group of each dimension."""
+    present = {(c.dim, g) for c, groups in zip(mesh.cells, content.physical, strict=True) for g in groups}
+    empty = [name for key, name in content.names.items() if key[0] in (2, 3) and key not in present]
+    if empty and not present:
+        mesh = replace(
+            mesh, remarks=(*mesh.remarks, f"group {empty[0]!r} is named, and no element is in a group")
+        )
+    elif empty:
+        raise ValueError(
+            f"$PhysicalNames names group {empty[0]!r}, which holds no elements ({len(empty)} such groups); "
+            "the group has lost its elements, or its line is to be removed"
+        )
+    groups: Groups = {}
+    numbers: dict[str, str] = {}
+    for dim, number in sorted(present, key=lambda key: (key[1], key[0])):
+        if dim not in (2, 3):
+            continue
+        name = content.names.get((dim, number), str(number))
+        labels_of = [
+            members.get(number, np.zeros(0, np.int64)) if c.dim == dim else np.zeros(0, np.int64)
+            for c, members in zip(mesh.cells, content.physical, strict=True)
+        ]
+        groups[name] = (
+            labels_of
+            if name not in groups
+            else [np.union1d(a, b) for a, b in zip(groups[name], labels_of, strict=True)]
+        )
+        if dim == 3:
+            numbers[str(number)] = name
+    return replace(mesh, groups=groups, numbers=numbers)

@@ -1,0 +1,329 @@
+"""Nastran bulk data: grid points and solid and shell elements, in small, large and free fields.
+
+Read here and not by meshio 5.3, which takes continuation lines for entries where their first field is blank,
+knows neither INCLUDE nor GRDSET nor CORD2*, and passes over large-field elements and a file that was cut.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from romdam.core.errors import MeshError, quote
+from romdam.core.files import check_file, file_text
+from romdam.core.scene import Floats, Ints
+from romdam.geometry.elements import CELLS
+from romdam.geometry.meshes.data import (
+    LARGEST,
+    Cells,
+    MeshFile,
+    by_value,
+    cannot_be_read,
+    checked_mesh,
+    missing_ids,
+)
+
+_DEEPEST = 10  # of files that include each other
+_KINDS = {  # entry -> number of nodes -> what it holds
+    name: {cell.nodes: cell for cell in CELLS.values() if name in cell.nastran}
+    for name in dict.fromkeys(name for cell in CELLS.values() for name in cell.nastran)
+}
+_SHELL_NODES = {name: nodes for name, sizes in _KINDS.items() for nodes in sizes if sizes[nodes].dim == 2}
+_SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
+_READ = ("GRID", "GRDSET", "ENDDATA", "INCLUDE", *_KINDS, *_SYSTEMS)
+_ALIKE = {  # entries of Nastran that only look like one that is read
+    "GRIDB", "GRIDF", "GRIDS", "CQUAD", "CQUADX", "CQUADX4", "CQUADX8", "CTRIAX", "CTRIAX6", "CTRIAX3",
+    "CORD1R", "CORD1C", "CORD1S", "CORD3G", "CORD3R", "CQUAD1", "CQUAD2", "CTRIA1", "CTRIA2",
+}  # fmt: skip
+_ELEMENT = re.compile(r"C(?!ORD|ONV)[A-Z0-9]+|RBE?\w+|PLOTEL")
+_REAL = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]([+-]?\d+)|([+-]\d+))?$")
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line with its fields: the name, the data fields (8 or 4) and the marker of the continuation."""
+
+    where: str
+    name: str
+    fields: list[str]
+    marker: str
+
+
+@dataclass
+class _Entry:
+    """An entry with the data fields of all its lines."""
+
+    where: str
+    name: str
+    fields: list[str]
+    marker: str
+
+    def whole(self, k: int, default: int | None = None) -> int:
+        """Field k from 1 on as a whole number."""
+        word = self.fields[k - 1] if k <= len(self.fields) else ""
+        if word.isdigit() and word.isascii() and len(word) < 19:
+            return int(word)
+        if not word and default is not None:
+            return default
+        if not re.fullmatch(r"[+-]?\d{1,18}", word):
+            raise ValueError(
+                f"{self.where}: field {k + 1} of {self.name} is {quote(word)}, expected a whole number"
+            )
+        return int(word)
+
+    def real(self, k: int) -> float:
+        """Field k as a number; 0 where it is blank."""
+        word = (self.fields[k - 1] if k <= len(self.fields) else "").upper()
+        match = _REAL.match(word)
+        if word and match is None:
+            raise ValueError(
+                f"{self.where}: field {k + 1} of {self.name} is {quote(word)}, expected a number"
+            )
+        return float(f"{match[1]}e{match[2] or match[3] or 0}") if match else 0.0
+
+    @property
+    def given(self) -> int:
+        """Number of the last field that is not blank."""
+        last = len(self.fields)
+        while last and not self.fields[last - 1]:
+            last -= 1
+        return last
+
+
+@dataclass
+class _Deck:
+    """Content read so far."""
+
+    tags: list[int] = field(default_factory=list)
+    points: list[tuple[float, float, float]] = field(default_factory=list)
+    system: list[int | None] = field(default_factory=list)  # of every grid point; None takes GRDSET's
+    default: int | None = None
+    systems: dict[int, tuple[str, int, Floats]] = field(default_factory=dict)  # kind, reference, A B C
+    rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
+    others: Counter[str] = field(default_factory=Counter)  # elements that are not read
+    blank: int = 0  # grid points with a blank coordinate
+    ended: str = ""  # where ENDDATA stands
+
+
+def read_nastran(path: Path, location: str) -> MeshFile:
+    """Read a bulk data file and what it includes; groups are the properties.
+
+    Raises
+    ------
+    MeshError
+        for lines that are no entries, entries cut off, an end without ENDDATA, files that include each other.
+    """
+    location = f"{location}: {path}"
+    deck = _Deck()
+    try:
+        for entry in _entries(_lines(path, (), location)):
+            _read(deck, entry)
+        if not deck.ended:
+            raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
+        points = _in_basic(deck)
+    except ValueError as error:
+        raise cannot_be_read(location, "nastran", str(error)) from None
+    cells, properties = _cells(deck)
+    mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, location)
+    groups = by_value(properties)
+    groups.pop("0", None)  # elements without a property
+    remarks = (*mesh.remarks, *_remarks(deck), *missing_ids(cells))
+    return replace(mesh, groups=groups, remarks=remarks)
+
+
+def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line]:
+    """Lines of a file and of those that it includes, without comments and what stands before BEGIN BULK."""
+    check_file(path, LARGEST, MeshError)
+    here = path.resolve()
+    if here in above or len(above) >= _DEEPEST:
+        what = "includes itself" if here in above else f"is included {_DEEPEST} files deep, the limit"
+        raise ValueError(f"{path} {what}")
+    lines = file_text(path).split("\n")
+    begin = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("BEGIN")), -1)
+    for k, line in enumerate(lines):
+        text = line.partition("$")[0].expandtabs(8).rstrip()
+        where = f"line {k + 1}" if not above else f"{path.name} line {k + 1}"
+        if not text or k == begin:
+            continue
+        if text.lstrip()[:7].upper() == "INCLUDE":
+            yield from _lines(_included(text, path, where), (*above, here), location)
+        elif k > begin:
+            yield _fields(text, where)
+        elif text.upper().startswith(("GRID", *_KINDS)):
+            raise ValueError(f"{where}: {quote(text)} stands before BEGIN BULK")
+
+
+def _included(text: str, path: Path, where: str) -> Path:
+    match = re.fullmatch(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", text, re.IGNORECASE)
+    if match is None:
+        raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
+    name = Path(next(group for group in match.groups() if group))
+    if not (path.parent / name).is_file():
+        raise ValueError(f"{where}: the included file {path.parent / name} does not exist")
+    return path.parent / name
+
+
+def _fields(text: str, where: str) -> _Line:
+    """Cut a line into its fields."""
+    free = "," in text
+    words = [word.strip() for word in text.split(",")] if free else [text[:8].strip()]
+    wide = words[0].endswith("*") or words[0].startswith("*")
+    count, width = (4, 16) if wide else (8, 8)
+    if free:
+        if len(words) > 2 + count:
+            raise ValueError(f"{where}: {quote(text)} has {len(words)} fields, limit {2 + count}")
+        words += [""] * (2 + count - len(words))
+    else:
+        words += [text[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)] + [
+            text[72:80].strip()
+        ]
+    name = words[0] if words[0].startswith(("*", "+")) else words[0].rstrip("*_").upper()  # meshio: CHEXA_
+    return _Line(where, name, words[1 : 1 + count], words[-1])
+
+
+def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
+    """Entries with their continuation lines, which follow them."""
+    entry: _Entry | None = None
+    for line in lines:
+        if line.name and line.name[0] not in "+*":
+            if not (line.name.isalnum() and line.name.isascii() and line.name[0].isalpha()):
+                raise ValueError(f"{line.where}: {quote(line.name)} is no name of an entry")
+            if entry is not None:
+                yield entry
+            entry = _Entry(line.where, line.name, list(line.fields), line.marker)
+            continue
+        if entry is None:
+            raise ValueError(f"{line.where} continues nothing")
+        marker, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
+        if marker and marker != awaited:
+            raise ValueError(
+                f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
+                f"{entry.where} is awaited; write continuation lines below their entries"
+            )
+        entry.fields += line.fields
+        entry.marker = line.marker
+    if entry is not None:
+        yield entry
+
+
+def _read(deck: _Deck, entry: _Entry) -> None:
+    name = entry.name
+    if deck.ended:
+        raise ValueError(f"{entry.where}: {name} stands after ENDDATA of {deck.ended}")
+    if name == "GRID":
+        _read_grid(deck, entry)
+    elif name in _KINDS:
+        _read_element(deck, entry)
+    elif name == "GRDSET":
+        deck.default = entry.whole(2, 0)
+    elif name in _SYSTEMS:
+        corners = np.array([entry.real(k) for k in range(3, 12)]).reshape(3, 3)
+        if entry.whole(1) in deck.systems:
+            raise ValueError(f"{entry.where}: coordinate system {entry.whole(1)} is given twice")
+        deck.systems[entry.whole(1)] = (name, entry.whole(2, 0), corners)
+    elif name == "ENDDATA":
+        deck.ended = entry.where
+    elif _meant(name):
+        raise ValueError(f"{entry.where}: {name} is not known; is {_meant(name)} meant?")
+    elif _ELEMENT.fullmatch(name):
+        deck.others[name] += 1
+
+
+@cache
+def _meant(name: str) -> str:
+    """The entry that a name differs from by a letter; empty where there is none."""
+    near = [] if name in _ALIKE else get_close_matches(name, _READ, n=1, cutoff=0.75)
+    return near[0] if near else ""
+
+
+def _read_grid(deck: _Deck, entry: _Entry) -> None:
+    if not 5 <= len(entry.fields) <= 8 or entry.given < 3:
+        what = "has lines of another entry" if len(entry.fields) > 8 else "lacks coordinates"
+        raise ValueError(f"{entry.where}: GRID {entry.fields[0]} {what}")
+    deck.tags.append(entry.whole(1))
+    deck.points.append((entry.real(3), entry.real(4), entry.real(5)))
+    deck.system.append(entry.whole(2) if entry.fields[1] else None)
+    deck.blank += not all(entry.fields[2:5])
+
+
+def _read_element(deck: _Deck, entry: _Entry) -> None:
+    sizes = _KINDS[entry.name]
+    shell = _SHELL_NODES.get(entry.name)
+    last = 2 + shell if shell else entry.given
+    count = last - 2
+    more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
+    if count not in sizes or entry.given < last or more:
+        fields_given = max(entry.given - 2, 0)
+        raise ValueError(
+            f"{entry.where}: {entry.name} {entry.fields[0]} has {fields_given} nodes, expected "
+            f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
+            "nodes are left out"
+        )
+    row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
+    deck.rows.setdefault(sizes[count].name, []).append(row)
+
+
+def _cells(deck: _Deck) -> tuple[list[Cells], list[Ints]]:
+    """Elements by kind, and the property of every one."""
+    cells, properties = [], []
+    for kind, rows in deck.rows.items():
+        table = np.array(rows, dtype=np.int64)
+        cells.append(Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "nastran"), table[:, 0]))
+        properties.append(table[:, 1])
+    return cells, properties
+
+
+def _remarks(deck: _Deck) -> list[str]:
+    remarks = []
+    if deck.others:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(deck.others.items()))
+        remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
+    if deck.blank:
+        remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
+    return remarks
+
+
+def _in_basic(deck: _Deck) -> Floats:
+    """The grid points in the basic coordinate system."""
+    points = np.array(deck.points, dtype=float).reshape(-1, 3)
+    systems = np.array([deck.default or 0 if s is None else s for s in deck.system], dtype=np.int64)
+    for system in np.unique(systems[systems != 0]):
+        points[systems == system] = _to_basic(points[systems == system], int(system), deck, ())
+    return points
+
+
+def _to_basic(points: Floats, system: int, deck: _Deck, above: tuple[int, ...]) -> Floats:
+    """Points of a system given by its origin A, a point B on its z axis and a point C in its x-z plane."""
+    if system == 0:
+        return points
+    if system not in deck.systems or system in above:
+        what = "refers to itself" if system in above else "is not given as CORD2R, CORD2C or CORD2S"
+        raise ValueError(f"coordinate system {system} {what}; export with basic coordinates")
+    kind, reference, corners = deck.systems[system]
+    A, B, C = _to_basic(corners, reference, deck, (*above, system))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        k = (B - A) / np.linalg.norm(B - A)
+        j = np.cross(k, C - A)
+        j = j / np.linalg.norm(j)
+    if not np.isfinite([k, j]).all():
+        raise ValueError(f"the three points of coordinate system {system} lie on a line")
+    return A + _straight(points, kind) @ np.stack([np.cross(j, k), j, k])
+
+
+def _straight(points: Floats, kind: str) -> Floats:
+    """Cylindrical (r, theta, z) or spherical (r, theta from z, phi) coordinates in degrees as x, y, z."""
+    if kind == "CORD2R":
+        return points
+    r, first, two = points.T
+    if kind == "CORD2C":
+        return np.stack([r * np.cos(np.radians(first)), r * np.sin(np.radians(first)), two], axis=1)
+    flat = r * np.sin(np.radians(first))
+    height = r * np.cos(np.radians(first))
+    return np.stack([flat * np.cos(np.radians(two)), flat * np.sin(np.radians(two)), height], axis=1)

@@ -1,0 +1,220 @@
+"""I-deas universal files (.unv): nodes, elements, groups, as SALOME, Gmsh, I-deas and Femap write them.
+
+No library reads them with their groups. Datasets 2411, 781 and 15 are nodes, 2412 elements, 2417 to 2477
+permanent groups, 164 units; others are left out.
+
+References
+----------
+SDRC, Universal file datasets 15, 164, 781, 2411, 2412, 2467, 2477. Quadratic elements are numbered ring after
+ring, corners and middles in turn (`Cell.orders` has what Gmsh 4.15 writes).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from romdam.core.errors import quote
+from romdam.core.files import file_text
+from romdam.geometry.elements import CELLS
+from romdam.geometry.meshes.data import (
+    Cells,
+    MeshFile,
+    by_number,
+    by_value,
+    cannot_be_read,
+    checked_mesh,
+    missing_ids,
+    numbers_of,
+)
+
+_CELLS = {number: cell for cell in CELLS.values() for number in cell.unv}
+_BEAMS = {11, 21, 22, 23, 24}  # whose nodes have a line of orientation before them
+_NODE, _ELEMENT = 7, 8  # codes of what a group has
+_OLD_ELEMENTS = {"71", "780"}
+
+
+class _Line(NamedTuple):
+    """A line and its number in the file, from 1."""
+
+    number: int
+    text: str
+
+
+Lines = list[_Line]
+
+
+@dataclass
+class _Content:
+    """Content read so far."""
+
+    tags: list[int] = field(default_factory=list)
+    points: list[str] = field(default_factory=list)  # three words each
+    rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
+    groups: dict[str, dict[int, list[int]]] = field(default_factory=dict)  # name -> code -> numbers
+    others: Counter[str] = field(default_factory=Counter)  # what is left out
+    metre: float = 1.0  # of the file's lengths
+
+
+def read_unv(path: Path, location: str) -> MeshFile:
+    """Read a universal file; its groups, or where there are none the physical properties.
+
+    Raises
+    ------
+    MeshError
+        for datasets that do not end, lines that are not numbers, and groups of what is not given.
+    """
+    location, content = f"{location}: {path}", _Content()
+    try:
+        for name, lines in _datasets(file_text(path).split("\n")):
+            if name in _READ:
+                _READ[name](content, lines)
+            elif name in _OLD_ELEMENTS:
+                raise ValueError(f"dataset {name} has elements in an old form; export them as dataset 2412")
+            else:
+                content.others[f"dataset {name}"] += 1
+        points = numbers_of(content.points, "the nodes").reshape(-1, 3)
+        tables = {kind: np.array(rows, dtype=np.int64) for kind, rows in content.rows.items()}
+        cells = [
+            Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "unv"), table[:, 0])
+            for kind, table in tables.items()
+        ]
+        mesh = checked_mesh(np.array(content.tags, dtype=np.int64), points, cells, location)
+        numbered = {
+            kind: {
+                name: np.array(members.get(kind, ()), np.int64) for name, members in content.groups.items()
+            }
+            for kind in (_NODE, _ELEMENT)
+        }
+        groups, node_sets = by_number(mesh, numbered[_ELEMENT], numbered[_NODE])
+    except ValueError as error:
+        raise cannot_be_read(location, "universal", str(error)) from None
+    remarks = (*mesh.remarks, *_remarks(content), *missing_ids(cells))
+    groups = groups or by_value([table[:, 1] for table in tables.values()])
+    return replace(mesh, groups=groups, node_sets=node_sets, remarks=remarks)
+
+
+def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
+    """Name and lines of every dataset, which stand between lines of -1."""
+    marks = [k for k, line in enumerate(lines) if line.strip() == "-1"]
+    if len(marks) % 2 or not marks:
+        raise ValueError(f"it has {len(marks)} lines of -1, which open and close datasets: it was cut")
+    for first, last in zip(marks[::2], marks[1::2], strict=True):
+        if last < first + 2:
+            raise ValueError(f"line {first + 1}: an empty dataset")
+        name = lines[first + 1].split()
+        yield name[0] if name else "", [_Line(k + 1, lines[k]) for k in range(first + 2, last)]
+
+
+def _whole(line: _Line, least: int) -> list[int]:
+    """Whole numbers of ten columns each."""
+    number, text = line
+    words = [text[k : k + 10].strip() for k in range(0, len(text.rstrip()), 10)]
+    words = words if all(map(_is_whole, words)) else text.split()
+    if len(words) < least or not all(map(_is_whole, words)):
+        raise ValueError(f"line {number}: {quote(text.strip())} is not {least} whole numbers or more")
+    return [int(word) for word in words]
+
+
+def _is_whole(word: str) -> bool:
+    return word.lstrip("+-").isdecimal() and word.isascii() and len(word) < 19
+
+
+def _record(lines: Lines, first: int, count: int) -> Lines:
+    if first + count > len(lines):
+        raise ValueError(f"line {lines[-1].number}: its dataset ends amid a record")
+    return lines[first : first + count]
+
+
+def _read_nodes(content: _Content, lines: Lines) -> None:
+    for k in range(0, len(lines), 2):
+        head, coordinates = _record(lines, k, 2)
+        _add_node(content, _whole(head, 4)[:2], coordinates, coordinates.text.split())
+
+
+def _read_old_nodes(content: _Content, lines: Lines) -> None:
+    for line in lines:
+        head = _whole(line._replace(text=line.text[:40]), 4)[:2]
+        _add_node(content, head, line, line.text[40:].split())
+
+
+def _add_node(content: _Content, head: list[int], line: _Line, words: list[str]) -> None:
+    if len(words) != 3:
+        raise ValueError(f"line {line.number}: {quote(line.text.strip())} is not three coordinates")
+    if head[1] > 1:
+        content.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
+    content.tags.append(head[0])
+    content.points += [word.upper().replace("D", "E") for word in words]
+
+
+def _read_elements(content: _Content, lines: Lines) -> None:
+    k = 0
+    while k < len(lines):
+        number, kind, prop, _, _, count = _whole(lines[k], 6)[:6]
+        skipped = 2 if kind in _BEAMS else 1
+        taken = _record(lines, k + skipped, -(-max(count, 1) // 8))
+        nodes = [node for line in taken for node in _whole(line, 1)]
+        if len(nodes) != count:
+            raise ValueError(
+                f"line {lines[k].number}: element {number} has {len(nodes)} nodes, and says {count}"
+            )
+        cell = _CELLS.get(kind)
+        if cell is None or cell.nodes != count:
+            content.others[f"elements of type {kind} with {count} nodes"] += 1
+        else:
+            content.rows.setdefault(cell.name, []).append([number, prop, *nodes])
+        k += skipped + len(taken)
+
+
+def _read_groups(content: _Content, lines: Lines, width: int) -> None:
+    """Groups; each entity has its code and number, and in the newer form two words more."""
+    k = 0
+    while k < len(lines):
+        count = _whole(lines[k], 8)[7]
+        _, name = _record(lines, k, 2)
+        taken = _record(lines, k + 2, -(-count * width // 8))
+        words = [word for line in taken for word in _whole(line, width)]
+        if len(words) != count * width:
+            raise ValueError(
+                f"line {lines[k].number}: the group says {count} members, and has {len(words) // width}"
+            )
+        members = content.groups.setdefault(name.text.strip(), {})
+        for code, number in zip(words[::width], words[1::width], strict=True):
+            if code in (_NODE, _ELEMENT):
+                members.setdefault(code, []).append(number)
+            else:
+                content.others[f"group members of code {code}"] += 1
+        k += 2 + len(taken)
+
+
+def _read_units(content: _Content, lines: Lines) -> None:
+    factors = [word.upper().replace("D", "E") for _, text in lines[1:] for word in text.split()]
+    content.metre = float(numbers_of(factors[:1], "the units")[0]) if factors else 1.0
+
+
+_READ: dict[str, Callable[[_Content, Lines], None]] = {
+    "2411": _read_nodes,
+    "781": _read_nodes,
+    "15": _read_old_nodes,
+    "2412": _read_elements,
+    "164": _read_units,
+    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda content, lines: _read_groups(content, lines, 4)),
+    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda content, lines: _read_groups(content, lines, 2)),
+}
+
+
+def _remarks(content: _Content) -> list[str]:
+    said = []
+    if content.others:
+        listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
+        said.append(f"left out: {listed}")
+    if content.metre != 1.0:
+        said.append(
+            f"its dataset 164 says that a metre is {content.metre:g} of its lengths; they are read in `unit`"
+        )
+    return said

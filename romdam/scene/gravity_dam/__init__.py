@@ -1,1 +1,0 @@
-"""The gravity dam generator."""

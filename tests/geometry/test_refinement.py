@@ -1,0 +1,149 @@
+"""Meshes of half the size: cut in memory, and of the same keys with twice as many elements."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from arch_dams import arch_dam
+from gravity_dams import gravity_dam
+from scipy.spatial import cKDTree
+
+import romdam
+from romdam.config.load import Job, parse_config
+from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
+from romdam.config.sections.job import BoxConfig
+from romdam.core.errors import ConfigError, MeshError
+from romdam.core.scene import Block, Material
+from romdam.geometry.boxes import box_block
+from romdam.geometry.elements import SOLIDS, jacobians
+from romdam.geometry.facets import boundary_facets, facet_areas
+from romdam.geometry.meshes.kinds import kinds_of
+from romdam.geometry.meshes.refinement import refine
+from romdam.scene.build import build_scene
+
+CONCRETE = Material(3e10, 0.2, 2400.0)
+REST = {
+    "records": [{"name": "r", "file": "r.txt", "unit": "g", "dt": 0.01, "components": {"x": 1}}],
+    "model": {"modes": 4},
+    "transient": {"finest_step": 1e-3},
+}
+CUT = [name for name, element in SOLIDS.items() if element.linear != "pyramid5"]
+
+
+def box(element, size):
+    keys = BoxConfig(origin=(0, 0, 0), size=(4, 6, 2), element_size=size, element=element)
+    return box_block("wall", keys, CONCRETE, "box")
+
+
+def bent(block):
+    """The same with curved edges, where it has any."""
+    x, y, _ = block.points.T
+    return replace(block, points=block.points + 0.05 * np.c_[0.1 * y**2, np.sin(x), 0.1 * x * y])
+
+
+def volumes(block):
+    return np.concatenate(
+        [
+            np.linalg.det(jacobians(block.points, cells, kind, kind.rule[0])) @ kind.rule[1]
+            for kind, _, cells in kinds_of(block.element, block.cells)
+        ]
+    )
+
+
+@pytest.mark.parametrize("element", CUT)
+def test_a_refined_box_is_the_box_of_half_the_size(element):
+    refined, meshed = refine(box(element, 2.0), "box"), box(element, 1.0)
+    assert len(refined.points) == len(meshed.points) and len(refined.cells) == len(meshed.cells)
+    distance, _ = cKDTree(meshed.points).query(refined.points)
+    assert distance.max() < 1e-12
+    for name, facets in meshed.faces.items():
+        assert len(refined.faces[name]) == len(facets)
+
+
+@pytest.mark.parametrize("element", CUT)
+def test_refinement_keeps_nodes_volume_and_faces_of_curved_blocks(element):
+    coarse = bent(box(element, 2.0))
+    fine = refine(coarse, "box")
+    assert (fine.points[: len(coarse.points)] == coarse.points).all()
+    assert volumes(fine).min() > 0.0
+    assert volumes(fine).sum() == pytest.approx(volumes(coarse).sum(), rel=1e-12)
+    assert len(boundary_facets(fine.cells, element)) == 4 * len(boundary_facets(coarse.cells, element))
+    for name, facets in coarse.faces.items():
+        area = facet_areas(coarse.points, facets).sum()
+        assert facet_areas(fine.points, fine.faces[name]).sum() == pytest.approx(area, rel=1e-4)
+
+
+def test_a_hexahedron_and_a_wedge_are_cut_alike_on_their_common_face():
+    plan = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    points = np.array([(x, y, z) for z in (0, 1) for x, y in plan] + [(2, 0, 0), (2, 0, 1)], dtype=float)
+    cells = np.array([[0, 1, 2, 3, 4, 5, 6, 7], [1, 8, 2, 2, 5, 9, 6, 6]])
+    block = Block("mixed", "mixed8", points, cells, CONCRETE, {})
+    block = replace(block, faces={"all": boundary_facets(cells, "mixed8")})
+    fine = refine(block, "mixed")
+    assert len(fine.cells) == 16 and len(fine.points) == 27 + 18 - 9
+    assert volumes(fine).sum() == pytest.approx(1.5, rel=1e-12)
+    assert facet_areas(fine.points, fine.faces["all"]).sum() == pytest.approx(
+        facet_areas(points, block.faces["all"]).sum(), rel=1e-12
+    )
+    assert len(boundary_facets(fine.cells, "mixed8")) == 4 * len(block.faces["all"])
+
+
+def test_pyramids_are_refused():
+    with pytest.raises(MeshError, match=r"mesh: 36 of 36 cells are pyramid5, which refinement cannot cut"):
+        refine(box("pyramid5", 2.0), "mesh")
+
+
+def test_a_mesh_file_is_refined_as_often_as_asked(tmp_path):
+    import meshio
+
+    coarse = box("hex8", 2.0)
+    meshio.write(tmp_path / "wall.vtu", meshio.Mesh(coarse.points, [("hexahedron", coarse.cells)]))
+    raw = {
+        "materials": {"concrete": {"E": 3e10, "nu": 0.2, "rho": 2400}},
+        "blocks": {"wall": {"material": "concrete", "mesh": {"file": "wall.vtu", "refine": 1}}},
+        "supports": [{"block": "wall", "face": {"axis": "z", "at": 0.0}}],
+        "records": [{"name": "r", "file": "r.txt", "unit": "g", "dt": 0.01, "components": {"x": 1}}],
+        "model": {"modes": 4},
+        "transient": {"finest_step": 1e-3},
+    }
+    config = parse_config(raw, "job")
+    scene = build_scene(config, tmp_path, "job")
+    assert len(scene.blocks["wall"].cells) == 48 and len(scene.blocks["wall"].points) == 105
+    finer = on_finer_mesh(Job(config, tmp_path / "job.yaml"))
+    assert finer.config.blocks["wall"].mesh.refine == 2
+    assert on_coarser_mesh(finer).config == config
+
+
+@pytest.mark.parametrize("raw", [arch_dam(cantilevers=2), gravity_dam()], ids=["arch", "gravity"])
+def test_the_finer_mesh_of_a_dam_has_the_nodes_of_its_own(raw, tmp_path):
+    job = Job(parse_config(raw | REST, "job"), tmp_path / "job.yaml")
+    own, finer = (build_scene(one.config, tmp_path, "job") for one in (job, on_finer_mesh(job)))
+    arch = "C1" in own.blocks  # whose rock follows the contact and whose zones take whole cells
+    for name, block in own.blocks.items():
+        if not arch or name.startswith("C"):
+            distance, _ = cKDTree(finer.blocks[name].points).query(block.points)
+            assert distance.max() < 1e-6, name
+            assert len(finer.blocks[name].cells) == 8 * len(block.cells)
+    cells = [sum(len(block.cells) for block in one.blocks.values()) for one in (own, finer)]
+    assert cells[1] == 8 * cells[0]
+    assert on_coarser_mesh(on_finer_mesh(job)).config == job.config
+
+
+def test_what_cannot_be_coarser_says_which_number():
+    job = romdam.load_config(
+        {
+            "materials": {"concrete": {"E": 3e10, "nu": 0.2, "rho": 2400}},
+            "blocks": {
+                "wall": {
+                    "material": "concrete",
+                    "box": {"origin": [0, 0, 0], "size": [4, 6, 2], "element_size": 2},
+                }
+            },
+            "supports": [{"block": "wall", "face": "zmin"}],
+            "records": [{"name": "r", "file": "r.txt", "unit": "g", "dt": 0.01, "components": {"x": 1}}],
+            "model": {"modes": 4},
+            "transient": {"finest_step": 1e-3},
+        }
+    )
+    with pytest.raises(ConfigError, match=r"blocks\.wall\.box: has 3 elements along y, which cannot be"):
+        on_coarser_mesh(job)
