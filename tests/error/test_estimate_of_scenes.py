@@ -1,10 +1,11 @@
 """The stated reduction error against all modes of the mesh, on scenes of every way in which blocks meet."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from estimate_scenes import CASES, scene_job
+from estimate_truth import case_of, measure, with_all_modes
 
 import romdam
 from romdam.pipelines.error.estimate import (
@@ -16,10 +17,6 @@ from romdam.pipelines.error.estimate import (
 from romdam.pipelines.simulation import Model, prepare, simulate_motion
 from romdam.reduction.refinement import parts_without_refinement
 from romdam.scene.ties import scene_parts
-
-sys.path.append(str(Path(__file__).parents[1] / "reference"))
-from estimate_scenes import CASES, scene_job
-from estimate_truth import case_of, measure, with_all_modes
 
 RECORD = Path(__file__).parents[2] / "data" / "records" / "northridge_mul009_g_dt0.01.txt"
 

@@ -1,8 +1,6 @@
 """The statement of the mesh's error: numbers by hand, the command, and a truth."""
 
 import json
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,8 +11,6 @@ from test_cli import SMALL, call
 
 from romdam.core.errors import ResultError
 from romdam.error.discretisation import MeshRun, discretisation
-
-sys.path.append(str(Path(__file__).parents[1] / "reference"))
 
 TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}

@@ -1,6 +1,5 @@
 """Exports say, or carry, that damping leaves rigid motions alone which joints alone hold."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +7,8 @@ import numpy as np
 import pytest
 from decks import boxes, built
 from scipy.io import mmread
+from small_scenes import scene
+from test_massless import raw_block_on_rock
 
 from romdam.config import parse_config
 from romdam.config.load import Job
@@ -20,10 +21,6 @@ from romdam.fem.assembly import assemble
 from romdam.fem.parts import unknowns
 from romdam.pipelines.job_warnings import with_scene_warnings
 from romdam.reduction.natural_modes import natural_modes
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
-from small_scenes import scene
-from test_massless import raw_block_on_rock
 
 ALPHA, BETA = 1.64, 4e-4
 DAMPING = DampingConfig(rayleigh=RayleighConfig(alpha=ALPHA, beta=BETA))

@@ -4,15 +4,15 @@ The matrix is held against P^T (alpha M + beta K) P, with P = 1 - R (R^T M R)^-1
 from the nodes' positions, and modal damping against the modes of the mesh.
 """
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.linalg import eigh, null_space
 from scipy.sparse import csr_matrix
+from small_scenes import march, scene
+from test_massless import MU, G, block_on_rock, pulse, raw_block_on_rock
 
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.core.arrays import Floats
@@ -25,10 +25,6 @@ from romdam.fem.parts import basis_over_unknowns, unknowns
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.supports import rigid_motions as rigid_motions_of
 from romdam.scene.ties import scene_parts
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
-from small_scenes import march, scene
-from test_massless import MU, G, block_on_rock, pulse, raw_block_on_rock
 
 ALPHA, BETA = 1.64, 4e-4
 RAYLEIGH = DampingConfig(rayleigh=RayleighConfig(alpha=ALPHA, beta=BETA))

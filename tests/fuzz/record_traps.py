@@ -7,7 +7,6 @@ import gzip
 import io
 import itertools
 import re
-import sys
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -17,8 +16,6 @@ from typing import Any
 
 import numpy as np
 import obspy
-
-sys.path.append(str(Path(__file__).parents[1] / "records"))
 import samples
 import vintages
 

@@ -7,7 +7,6 @@ import resource
 import shutil
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -15,15 +14,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from bounded import bounded
+from suite_jobs import BASE, write_job
+from test_cli import DRAWN, call
 
 from romdam.core.errors import ResultError, WriteError
 from romdam.core.sealed import creating, is_sealed
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
-
-from suite_jobs import BASE, write_job
-from test_cli import DRAWN, call
 
 SECONDS = 120.0
 VARYING = ("date_created", "history", "configuration_folder")

@@ -5,7 +5,6 @@ Every case is named by its number; `pytest tests/fuzz/test_fuzz_files.py --fuzz`
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import h5py
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from bounded import bounded
 from file_damage import damage_bytes, displace, put_back, rewrite
+from test_cli import SMALL, call
 
 from romdam import open_result
 from romdam.core.errors import ResultError
@@ -30,10 +30,6 @@ from romdam.results.model_info import model_lines
 from romdam.results.stored_run import read_run
 from romdam.terminal.lines import info_lines
 from romdam.terminal.tables import peaks_table
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from test_cli import SMALL, call
 
 SECONDS, GROWN = 30.0, 600e6  # that a case may take, and by which its memory may grow
 STRESSED = "\n  stress: {faces: [{block: right, face: ymax}], nodes: {top: {block: right, at: [0, 0, 20]}}}\n"

@@ -1,12 +1,7 @@
 """Files of matrices changed at random: read, or refused with key and file; no traceback, never for long."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 from bounded import bounded
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
 from test_matrices import PLACE, WRITERS, of_mesh, read
 
 from romdam.geometry.matrices.checks import check_matrices

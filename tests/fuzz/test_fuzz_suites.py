@@ -13,7 +13,6 @@ import copy
 import os
 import random
 import signal
-import sys
 import time
 from pathlib import Path
 
@@ -21,15 +20,12 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from suite_jobs import BASE, pulse
 
 import romdam
 from romdam.pipelines.suites.folder import clean
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.results.suite.journal import JOURNAL
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
-
-from suite_jobs import BASE, pulse
 
 SEED = 20260
 # ends of names that tell of this run's making

@@ -2,13 +2,13 @@
 
 import copy
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from config_cases import BASES, HOSTILE, every_key, value_at, write_files
 from jsonschema import Draft202012Validator
+from test_messages import MISTAKES, with_mistake
 from typer.testing import CliRunner
 
 from romdam.cli import app
@@ -16,9 +16,6 @@ from romdam.config import parse_config
 from romdam.config.schema import schema
 from romdam.config.yaml_text import read_yaml
 from romdam.core.errors import ConfigError
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "config"))
-from test_messages import MISTAKES, with_mistake
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = sorted([*ROOT.glob("configs/**/*.yaml"), *ROOT.glob("tests/**/*.yaml")])

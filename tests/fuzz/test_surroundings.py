@@ -13,9 +13,6 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "suite"))
-
 from suite_jobs import BASE
 
 LIMIT = 400.0  # seconds; what takes longer hangs, kernels may have to be compiled

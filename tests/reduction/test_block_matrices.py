@@ -1,11 +1,11 @@
 """Blocks from matrices: the openings of the meshed block, whichever way the matrices came; and back again."""
 
 import copy
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from gravity_dams import FOUNDATION, gravity_dam
 from scipy.io import mmread
 from scipy.linalg import eigh
 from scipy.sparse import block_diag, csr_matrix
@@ -23,9 +23,6 @@ from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
-from gravity_dams import FOUNDATION, gravity_dam
 
 DATA = Path(__file__).parents[1] / "geometry" / "data" / "calculix"
 RAYLEIGH = RayleighConfig(frequencies=(10.0, 100.0), ratio=0.05)

@@ -1,12 +1,12 @@
 """Parts of blocks that have grown together: the mesh's own frequencies, exact static answers, one basis."""
 
 import dataclasses
-import sys
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from arch_dams import DIVISIONS, JOINTS, ROCK, arch_dam
 from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 from small_scenes import DAMPING, full, march, reduced, shaking
@@ -31,9 +31,6 @@ from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import static_equilibrium
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from arch_dams import DIVISIONS, JOINTS, ROCK, arch_dam
 
 REST = {
     "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],

@@ -1,10 +1,10 @@
 """Keys of reduced blocks: they change with what is reduced, and with the code that reduces it."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scene_builders import two_boxes
 from scipy.sparse import csr_matrix
 
 import romdam
@@ -16,9 +16,6 @@ from romdam.reduction.storage import keys
 from romdam.reduction.storage.keys import block_key, part_keys
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from scene_builders import two_boxes
 
 REST = {
     "materials": {"concrete": {"E": 30e9, "nu": 0.18, "rho": 2440.0}},

@@ -1,13 +1,13 @@
 """Blocks tied where their meshes do not match: constant stress passes, and they are one structure."""
 
 import dataclasses
-import sys
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import small_scenes
+from mortar_weights import grid_tie, tied
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 from small_scenes import DAMPING, full, march, raw, reduced, shaking
@@ -35,9 +35,6 @@ from romdam.scene.joints import build_joint
 from romdam.scene.reservoir.build import build_reservoir
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import static_equilibrium
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from mortar_weights import grid_tie, tied
 
 CONCRETE = Material(E=30e9, nu=0.2, rho=2400.0)
 

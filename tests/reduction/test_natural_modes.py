@@ -1,11 +1,11 @@
 """Natural modes: rods and springs with closed forms, and meshes made one by hand."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from arch_dams import arch_dam
 from scipy.linalg import eigh
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import eigsh
@@ -19,9 +19,6 @@ from romdam.fem.assembly import assemble
 from romdam.reduction.natural_modes import natural_modes
 from romdam.scene.build import build_scene
 from romdam.scene.ties import tie_joints
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "scene"))
-from arch_dams import arch_dam
 
 ROOT = Path(__file__).parents[2]
 NONE = DampingConfig()

@@ -1,10 +1,10 @@
 """Still water, temperature and staged weight against closed forms."""
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from arch_dams import DIVISIONS, arch_dam
 from scipy.sparse import csr_matrix
 
 from romdam.config import parse_config
@@ -21,9 +21,6 @@ from romdam.reduction.storage.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from arch_dams import DIVISIONS, arch_dam
 
 REST = {
     "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0, "expansion": 1e-5}},

@@ -4,11 +4,11 @@ Over 10 s of a real record with friction joints, water and staged weight: peak o
 2 %, all openings within 5 % in L2, peak principal stress within 3 %.
 """
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from arch_dams import DIVISIONS, PERIMETER, ROCK, arch_dam
 from simulating import simulated
 
 from romdam.config import parse_config
@@ -21,9 +21,6 @@ from romdam.records.record_set import load_motions
 from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
-
-sys.path.append(str(Path(__file__).parents[1] / "scene"))
-from arch_dams import DIVISIONS, PERIMETER, ROCK, arch_dam
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 FACES = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)]

@@ -2,13 +2,13 @@
 
 import logging
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from small_scenes import DAMPING, march, raw, scene
 
 from romdam.config.sections.job import ModelConfig, RayleighConfig
 from romdam.core.basis import BlockBasis
@@ -23,10 +23,6 @@ from romdam.reduction.storage import model_file
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
 from romdam.results.model_info import model_lines
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
-
-from small_scenes import DAMPING, march, raw, scene
 
 MODEL = ModelConfig(modes=6, residual_vectors=2)
 

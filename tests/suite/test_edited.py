@@ -1,21 +1,16 @@
 """A suite that is edited and run again gives every run its own numbers; its folder, and damage to it."""
 
 import os
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from suite_jobs import BASE, MU, differing, edited, made, named_records, pulse, summary, write_job
 
 import romdam
 from romdam.core.errors import ConvergenceError
 from romdam.pipelines.suites import runs as suite_runs
 from romdam.results.suite.journal import JOURNAL
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from suite_jobs import BASE, MU, differing, edited, made, named_records, pulse, summary, write_job
 
 
 def as_fresh(config, folder, calls):

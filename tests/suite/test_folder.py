@@ -6,14 +6,14 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from suite_jobs import command, edited, made, write_job
+from test_cli import call
 
 import romdam
 from romdam.core.errors import ConfigError, ResultError
@@ -22,11 +22,6 @@ from romdam.pipelines.suites.folder import LOCK, clean, suite_lock
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from suite_jobs import command, edited, made, write_job
-from test_cli import call
 
 
 @pytest.mark.parametrize("what", ["folder", "pipe"])

@@ -1,20 +1,16 @@
 """What the rows of a suite depend on: every field of a joint is in one of the two keys."""
 
-import sys
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+from small_scenes import raw, scene
 
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.scene import Joint
 from romdam.core.system import GapLaw
 from romdam.pipelines.suites.plan import _OF_SAMPLES, _model_key
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "reduction"))
-
-from small_scenes import raw, scene
 
 
 def test_water_in_a_joint_is_in_the_key_of_the_model():

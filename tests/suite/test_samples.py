@@ -1,13 +1,12 @@
 """What a suite varies and asks for: samples, targets, names, and what of it is refused."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 import xarray as xr
 import yaml
 from scipy.stats import qmc
+from suite_jobs import BASE, MU, edited, made, named_records, pulse, summary, write_job
+from test_cli import call
 
 import romdam
 from romdam.core.errors import ConfigError
@@ -17,11 +16,6 @@ from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.postprocess.responses import PARAMETER, parameters
 from romdam.results.suite.design import _unit_samples
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from suite_jobs import BASE, MU, edited, made, named_records, pulse, summary, write_job
-from test_cli import call
 
 SHADOWS = ("gap", "joint", "component", "scale", "record", "sample", "node", "peak_opening", "status",
            "run_key", "parameter_gap", "record_pga", "time", "file")  # fmt: skip

@@ -4,7 +4,6 @@ import errno
 import io
 import logging
 import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -12,6 +11,9 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from cf_files import CHECKER, errors_of_the_checker, flaws
+from suite_jobs import BASE, command, differing, made, pulse, summary, write_job
+from test_cli import call
 
 import romdam
 from romdam.core.errors import ResultError
@@ -19,12 +21,6 @@ from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.reduction import single_block
 from romdam.results.suite.journal import JOURNAL, read_rows
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
-from cf_files import CHECKER, errors_of_the_checker, flaws
-from suite_jobs import BASE, command, differing, made, pulse, summary, write_job
-from test_cli import call
 
 SAMPLES = {
     "scales": [0.5, 1.0],

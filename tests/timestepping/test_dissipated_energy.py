@@ -1,11 +1,10 @@
 """Energy that every gap dissipates: work of friction in closed form, and the ledger's by every integrator."""
 
 import dataclasses
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from further_laws import with_laws
 from hand_systems import gap_law, ground, modal_twin, run, sparse_system
 from simulating import prepared_for, steps_for
 
@@ -13,10 +12,6 @@ from romdam.core.integrators import INTEGRATORS
 from romdam.error.estimate import start_at
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
-
-sys.path.append(str(Path(__file__).parents[1] / "contact"))
-
-from further_laws import with_laws
 
 MASS, WEIGHT, MU = (
     np.array([1.0, 2.0, 1.0, 2.0]),

@@ -1,15 +1,9 @@
 """Laws beyond stiffness and friction in marches whose answers are known."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hand_systems import assert_ledger, gap_law, modal_twin, run, sparse_system, still
-
-sys.path.append(str(Path(__file__).parents[1] / "contact"))
-
 from further_laws import with_laws
+from hand_systems import assert_ledger, gap_law, modal_twin, run, sparse_system, still
 
 
 def _bar_system(law, force=None):

@@ -5,21 +5,16 @@ flexibility, relaxed with beta; contact and friction are solved by projected swe
 of the mesh are romdam's: no step, no event, no basis and no solver is shared.
 """
 
-import sys
-from pathlib import Path
-
 import numba
 import numpy as np
 import pytest
+from bench_damping_slip import RECORD, monolith
 from scipy.linalg import eigh, expm
 
 import romdam
 from romdam.effects.full_order import assemble_full
 from romdam.pipelines.run import scene_of
 from romdam.postprocess.sliding import REST, sliding
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from bench_damping_slip import RECORD, monolith
 
 SECONDS, PGA = 10.0, 0.47 * 9.81
 FREQUENCIES, RATIO = (3.0, 20.0), 0.05  # of Rayleigh damping
