@@ -8,7 +8,7 @@ however coarse, and there the tolerance is all that is allowed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,18 +45,28 @@ def refuse_clearance(
     over = np.abs(between.distance) > allowed
     if area[over].sum() <= _STRAY and abs(mean) <= least + _OF_PARABOLA * area @ curved:
         return
-    raise MeshError(_too_far(slave, master, between, allowed, tolerance, location))
+    worst = int(np.argmax(np.abs(between.distance) - allowed))
+    at = ", ".join(f"{x:.6g}" for x in slave.points[slave.facets[between.slave[worst]]].mean(axis=0))
+    how = "apart" if mean > 0.0 else "inside each other"
+    key = location.split(": ")[-1]
+    raise MeshError(
+        f"{location}: the faces of {slave.block!r} and {master.block!r} do not lie on each other: they are "
+        f"{abs(mean):.4g} m {how} on average and {abs(float(between.distance[worst])):.4g} m at ({at}), "
+        f"limit {tolerance:g} m ({key}.tolerance) and {float(allowed[worst]) - tolerance:.3g} m for the "
+        "curvature of their facets; move a block, and give a clearance as `gap` of a joint, mesh a curved "
+        f"face finer or alike on both sides, or raise {key}.tolerance"
+    )
 
 
 def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
     """Distance by which facets of one curved surface can be apart at every segment, (n,) [m].
 
-    A facet without a bend of its own, as the only one of its face, takes the curvature of the other's.
+    A facet without a bend, as the only one of its face, takes the curvature of the other's.
     """
-    slave_bends, other = (_of_facets(face) for face in (slave, master))
+    bends_slave, bends_master = _bends(slave), _bends(master)
     pairs = (
-        (slave_bends, between.slave, other, between.master),
-        (other, between.master, slave_bends, between.slave),
+        (bends_slave, between.slave, bends_master, between.master),
+        (bends_master, between.master, bends_slave, between.slave),
     )
     total = np.zeros(len(between.area))
     for first, facet, second, opposite in pairs:
@@ -67,7 +77,7 @@ def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
 
 @dataclass(frozen=True)
 class _Bends:
-    """Bends of facets, or of pieces of them: the largest of their edges.
+    """Bends of facets: the largest of the edges of their pieces.
 
     Attributes
     ----------
@@ -83,29 +93,29 @@ class _Bends:
     warp: Floats
 
 
-def _of_facets(face: Surface) -> _Bends:
-    """The largest of the pieces of every facet."""
-    bends, bends_of = _of_pieces(face.pieces), []
-    for field in fields(bends):
-        most = np.zeros(len(face.facets))
-        np.maximum.at(most, face.pieces.facet, getattr(bends, field.name))
-        bends_of.append(most)
-    return _Bends(*bends_of)
-
-
-def _of_pieces(pieces: Pieces) -> _Bends:
+def _bends(face: Surface) -> _Bends:
+    """For every facet the largest values of its pieces."""
+    pieces = face.pieces
     first, second, along = _shared_edges(pieces)
     angle = np.arccos(np.clip(np.einsum("nk,nk->n", pieces.normal[first], pieces.normal[second]), -1.0, 1.0))
     smooth = (angle > _ROUNDING) & (angle < np.radians(_CREASE))
     first, second, along, angle = first[smooth], second[smooth], along[smooth], angle[smooth]
-    extents = [_across(pieces, piece, along) for piece in (first, second)]
+    extents = []
+    for piece in (first, second):  # across the edge, in the plane of the piece
+        across = np.cross(pieces.normal[piece], along)
+        extents.append(np.ptp(np.einsum("nck,nk->nc", pieces.corners[piece], across), axis=1))
     bend = 2.0 * angle / (extents[0] + extents[1])
     curvature, sagitta = np.zeros(len(pieces.facet)), np.zeros(len(pieces.facet))
     for piece, extent in zip((first, second), extents, strict=True):
         np.maximum.at(curvature, piece, bend)
         np.maximum.at(sagitta, piece, bend * extent**2 / 8.0)
     offset = np.einsum("nck,nk->nc", pieces.corners - pieces.centre[:, None], pieces.normal)
-    return _Bends(curvature, sagitta, 2.0 * pieces.radius, np.abs(offset).max(axis=1))
+    largest = []
+    for of_pieces in (curvature, sagitta, 2.0 * pieces.radius, np.abs(offset).max(axis=1)):
+        of_facets = np.zeros(len(face.facets))
+        np.maximum.at(of_facets, pieces.facet, of_pieces)
+        largest.append(of_facets)
+    return _Bends(*largest)
 
 
 def _shared_edges(pieces: Pieces) -> tuple[Ints, Ints, Floats]:
@@ -122,28 +132,3 @@ def _shared_edges(pieces: Pieces) -> tuple[Ints, Ints, Floats]:
     i, j = order[same], order[same + 1]
     along = b[i] - a[i]
     return owner[i], owner[j], along / np.linalg.norm(along, axis=1, keepdims=True)
-
-
-def _across(pieces: Pieces, piece: Ints, along: Floats) -> Floats:
-    """Extent of pieces across directions in their planes (n,) [m]."""
-    across = np.cross(pieces.normal[piece], along)
-    at = np.einsum("nck,nk->nc", pieces.corners[piece], across)
-    return np.asarray(np.ptp(at, axis=1))
-
-
-def _too_far(
-    slave: Surface, master: Surface, between: Segments, allowed: Floats, tolerance: float, location: str
-) -> str:
-    worst = int(np.argmax(np.abs(between.distance) - allowed))
-    at = ", ".join(f"{x:.6g}" for x in slave.points[slave.facets[between.slave[worst]]].mean(axis=0))
-    mean = float(between.area @ between.distance / between.area.sum())
-    largest = float(between.distance[worst])
-    how = "apart" if mean > 0.0 else "inside each other"
-    key = location.split(": ")[-1]
-    return (
-        f"{location}: the faces of {slave.block!r} and {master.block!r} do not lie on each other: they are "
-        f"{abs(mean):.4g} m {how} on average and {abs(largest):.4g} m at ({at}), limit {tolerance:g} m "
-        f"({key}.tolerance) and {float(allowed[worst]) - tolerance:.3g} m for the curvature of their facets; "
-        f"move a block, and give a clearance as `gap` of a joint, mesh a curved face finer or alike on both "
-        f"sides, or raise {key}.tolerance"
-    )

@@ -56,19 +56,27 @@ def coupling(slave: Surface, master: Surface, at: Samples, basis: Element, chang
     change : (m, m), phi = change @ N of the basis
     """
     m, count = len(change), len(slave.facets)
+    chunks = [slice(k, k + _CHUNK) for k in range(0, len(at.slave), _CHUNK)]
     mass = np.zeros((count, m, m))
-    for chunk in _chunks(at):
+    for chunk in chunks:
         phi = _values(basis, at.xi_slave[chunk]) @ change.T
         np.add.at(
             mass, at.slave[chunk], np.einsum("tq,tqi,tqj->tij", at.weight[chunk], phi, phi, optimize=True)
         )
     area = mass @ np.linalg.solve(change.T, np.ones(m)) if m else np.zeros((count, 0))
-    dual = _dual(mass, area) @ change
+
+    # D M^-1 of every facet, scaled to a unit diagonal; zero where nothing covers the facet
+    size = np.einsum("fii->fi", mass)
+    scale = np.divide(1.0, np.sqrt(np.abs(size)), out=np.zeros_like(size), where=size > 0.0)
+    scaled = mass * scale[:, :, None] * scale[:, None, :]
+    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
+    dual = (area[:, :, None] * scale[:, :, None] * inverse * scale[:, None, :]) @ change
+
     rows, sides = slave.facets[:, :m], ((slave, at.slave, at.xi_slave), (master, at.master, at.xi_master))
     sums = []
     for face, facet, xi in sides:
         total = csr_matrix((len(slave.points), len(face.points)))
-        for chunk in _chunks(at):
+        for chunk in chunks:
             psi = np.einsum(
                 "tij,tqj->tqi", dual[at.slave[chunk]], _values(basis, at.xi_slave[chunk]), optimize=True
             )
@@ -84,22 +92,9 @@ def coupling(slave: Surface, master: Surface, at: Samples, basis: Element, chang
     return Coupling(whole, *(without_round_off(weights_sum, whole) for weights_sum in sums))
 
 
-def _chunks(at: Samples) -> list[slice]:
-    return [slice(k, k + _CHUNK) for k in range(0, len(at.slave), _CHUNK)]
-
-
 def _values(element: Element, xi: Floats) -> Floats:
     """Shape functions at xi (n, q, 2), as (n, q, nodes)."""
     return element.shape(xi.reshape(-1, 2)).reshape(*xi.shape[:2], -1)
-
-
-def _dual(mass: Floats, area: Floats) -> Floats:
-    """Coefficients D M^-1 of every facet; zero where nothing covers it."""
-    size = np.einsum("fii->fi", mass)
-    scale = np.divide(1.0, np.sqrt(np.abs(size)), out=np.zeros_like(size), where=size > 0.0)
-    scaled = mass * scale[:, :, None] * scale[:, None, :]
-    inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
-    return np.asarray(area[:, :, None] * scale[:, :, None] * inverse * scale[:, None, :])
 
 
 def without_round_off(matrix: csr_matrix, size: Floats) -> csr_matrix:

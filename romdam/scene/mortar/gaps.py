@@ -59,7 +59,11 @@ def mortar_gaps(interface: MortarInterface) -> FaceGaps:
     area = gather @ whole.area
     scale = diags_array(1.0 / area)
     weights = [csr_matrix(scale @ (gather @ operator)) for operator in (whole.slave, whole.master)]
-    there = _values_at(interface, facet, xi)
+    # shape functions of the master at the point opposite to each gap
+    values = master.element.shape(xi)
+    rows = np.broadcast_to(np.arange(len(facet))[:, None], values.shape)
+    shape = (len(facet), len(master.points))
+    there = csr_matrix((values.ravel(), (rows.ravel(), master.facets[facet].ravel())), shape=shape)
     here = csr_matrix((np.ones(len(nodes)), (np.arange(len(nodes)), nodes)), shape=weights[0].shape)
     points = [here, there]
     seen = [np.unique(np.concatenate([w.indices, p.indices])) for w, p in zip(weights, points, strict=True)]
@@ -79,15 +83,6 @@ def mortar_gaps(interface: MortarInterface) -> FaceGaps:
         weights=(weights_seen[order[0]], weights_seen[order[1]]),
         at_point=None if same else (exact[order[0]], exact[order[1]]),
     )
-
-
-def _values_at(interface: MortarInterface, facet: Ints, xi: Floats) -> csr_matrix:
-    """Shape functions of the master at one point of each facet, (n, nodes of its block)."""
-    master = interface.master
-    values = master.element.shape(xi)
-    rows = np.broadcast_to(np.arange(len(facet))[:, None], values.shape)
-    shape = (len(facet), len(master.points))
-    return csr_matrix((values.ravel(), (rows.ravel(), master.facets[facet].ravel())), shape=shape)
 
 
 def shares(interface: MortarInterface, kept: Ints) -> csr_matrix:

@@ -21,7 +21,7 @@ STEEPEST = 30.0  # angle of facets that face each other [degree]
 _TOUCHED = 1e-6  # share of a facet that is covered, below which it only meets the others at an edge
 _FEW = 0.1  # of the area where faces meet
 _EQUAL = 0.01  # difference of covered shares below which the finer face is the slave
-_BESIDE = 0.1  # how far beside a facet a node may stand and be opposite to it, in reference coordinates
+_OUTSIDE = 0.1  # how far outside a facet a node may stand and be opposite to it, in reference coordinates
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,21 @@ class MortarInterface:
         """
         row, facet = self._near(nodes)
         at, normal = self.slave.points[nodes[row]], self.normals[nodes[row]]
-        frame = _tangents(normal)
+        # two unit vectors across each normal
+        axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+        tangent = np.cross(normal, axis)
+        tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+        frame = np.stack([tangent, np.cross(normal, tangent)], axis=1)
         shape = self.master.facets[facet][:, : len(self.master.mapping.nodes)]
         flat = np.einsum("nak,ndk->nad", self.master.points[shape] - at[:, None], frame)
         xi = local_coordinates(self.master.mapping, flat, np.zeros((len(row), 1, 2)))[:, 0]
-        outside = _beside(xi, self.master.element.box)
+        if self.master.element.box:
+            outside = np.maximum(np.abs(xi).max(axis=1) - 1.0, 0.0)
+        else:
+            outside = np.maximum(np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1.0), 0.0)
         order = np.lexsort((facet, np.round(outside, 9), row))
         first = order[np.unique(row[order], return_index=True)[1]]
-        first = first[outside[first] <= _BESIDE]
+        first = first[outside[first] <= _OUTSIDE]
         return row[first], facet[first], xi[first]
 
     def _near(self, nodes: Ints) -> tuple[Ints, Ints]:
@@ -113,19 +120,31 @@ def mortar_interface(
     """
     I, J = Surface.boundary(block_I), Surface.boundary(block_J)
     between = _facing(I, J, tolerance, location)
-    share_I, share_J = (
-        _covered(face, facet, between.area) for face, facet in ((I, between.slave), (J, between.master))
-    )
+    share_I = np.bincount(between.slave, between.area, len(I.facets)) / I.areas
+    share_J = np.bincount(between.master, between.area, len(J.facets)) / J.areas
     touched_I, touched_J = np.flatnonzero(share_I > _TOUCHED), np.flatnonzero(share_J > _TOUCHED)
     if not len(touched_I) or not len(touched_J):
         raise ConfigError(do_not_touch(block_I, block_J, tolerance, location))
     I, J = I.only(touched_I), J.only(touched_J)
     for face in (I, J):
-        _refuse_two_kinds(face, location)
+        # dual shape functions are those of one kind of facet
+        if len(facets_by_kind(face.facets)) > 1:
+            raise ConfigError(
+                f"{location}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
+                "discretization: mortar does not take together; mesh the face with one kind, or set "
+                "discretization: node_to_node where the meshes conform"
+            )
     area = float(between.area.sum())
     shares = area / I.areas.sum(), area / J.areas.sum()
     if max(shares) < overlap:
-        raise ConfigError(_too_little(I, J, area, overlap, location))
+        middle = ", ".join(f"{x:.6g}" for x in I.points[I.facets].mean(axis=(0, 1)))
+        area_I, area_J = I.areas.sum(), J.areas.sum()
+        raise ConfigError(
+            f"{location}: the faces of {I.block!r} and {J.block!r} lie on each other over {area:.6g} m2 "
+            f"about ({middle}), {area / area_I:.3g} of {area_I:.6g} m2 and {area / area_J:.3g} of "
+            f"{area_J:.6g} m2 of the facets that meet, limit {overlap:g} of one; move a block, mesh along "
+            "the common edge, or lower its `overlap`"
+        )
     equal = abs(shares[0] - shares[1]) < _EQUAL
     corners_I, corners_J = (len(np.unique(face.facets[:, : face.element.corners])) for face in (I, J))
     # of faces that are equal in this, too, the first by name, in whatever order they stand
@@ -134,21 +153,6 @@ def mortar_interface(
     between = _facing(slave, master, tolerance, location)
     refuse_clearance(slave, master, between, tolerance, location)
     return MortarInterface(slave, master, between, slave_is_J)
-
-
-def _refuse_two_kinds(face: Surface, location: str) -> None:
-    """Dual shape functions are those of one kind of facet."""
-    if len(facets_by_kind(face.facets)) > 1:
-        raise ConfigError(
-            f"{location}: the face of block {face.block!r} there has triangles and quadrilaterals, which "
-            "discretization: mortar does not take together; mesh the face with one kind, or set "
-            "discretization: node_to_node where the meshes conform"
-        )
-
-
-def _covered(face: Surface, facet: Ints, area: Floats) -> Floats:
-    """Share of every facet that segments of such area cover."""
-    return np.asarray(np.bincount(facet, area, len(face.facets)) / face.areas)
 
 
 def _facing(I: Surface, J: Surface, tolerance: float, location: str) -> Segments:
@@ -166,35 +170,7 @@ def _facing(I: Surface, J: Surface, tolerance: float, location: str) -> Segments
         at = ", ".join(f"{x:.6g}" for x in I.points[I.facets[between.slave[worst]]].mean(axis=0))
         raise ConfigError(
             f"{location}: the faces of {I.block!r} and {J.block!r} stand at {angle[worst]:.3g} degrees to "
-            "each "
-            f"other at ({at}), and at more than {STEEPEST:g} over {share:.2g} of the area where they meet, "
-            f"limit {_FEW:g}; mesh them so that they lie on each other"
+            f"each other at ({at}), and at more than {STEEPEST:g} over {share:.2g} of the area where they "
+            f"meet, limit {_FEW:g}; mesh them so that they lie on each other"
         )
     return between.only(~steep)
-
-
-def _too_little(I: Surface, J: Surface, area: float, overlap: float, location: str) -> str:
-    middle = ", ".join(f"{x:.6g}" for x in I.points[I.facets].mean(axis=(0, 1)))
-    area_I, area_J = I.areas.sum(), J.areas.sum()
-    return (
-        f"{location}: the faces of {I.block!r} and {J.block!r} lie on each other over {area:.6g} m2 about "
-        f"({middle}), {area / area_I:.3g} of {area_I:.6g} m2 and {area / area_J:.3g} of {area_J:.6g} m2 of "
-        "the "
-        f"facets that meet, limit {overlap:g} of one; move a block, mesh along the common edge, or lower its "
-        f"`overlap`"
-    )
-
-
-def _tangents(normal: Floats) -> Floats:
-    """Two unit vectors across each unit normal, (n, 2, 3)."""
-    other = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
-    first = np.cross(normal, other)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([first, np.cross(normal, first)], axis=1)
-
-
-def _beside(xi: Floats, box: bool) -> Floats:
-    """Distance by which reference coordinates (n, 2) lie outside the facet, 0 inside."""
-    if box:
-        return np.asarray(np.maximum(np.abs(xi).max(axis=1) - 1.0, 0.0))
-    return np.asarray(np.maximum(np.maximum(-xi.min(axis=1), xi.sum(axis=1) - 1.0), 0.0))

@@ -140,15 +140,12 @@ def local_coordinates(element: Element, nodes: Floats, points: Floats) -> Floats
         at = np.einsum("nqa,nak->nqk", element.shape(xi).reshape(*shape[:2], -1), nodes, optimize=True)
         slope = element.gradient(xi).reshape(*shape[:2], 2, -1)
         tangents = np.einsum("nqda,nak->nqdk", slope, nodes, optimize=True)
-        step = _solved(tangents, points - at).reshape(-1, 2)
+        # solve step @ tangents = points - at, 2 by 2 each
+        (a, b), (c, d) = tangents[..., 0, :].transpose(2, 0, 1), tangents[..., 1, :].transpose(2, 0, 1)
+        p, q = (points - at).transpose(2, 0, 1)
+        step = np.stack([d * p - c * q, a * q - b * p], axis=-1) / (a * d - b * c)[..., None]
+        step = step.reshape(-1, 2)
         xi += step
         if np.abs(step).max(initial=0.0) < 1e-13:
             break
     return xi.reshape(shape)
-
-
-def _solved(tangents: Floats, right: Floats) -> Floats:
-    """x of x @ tangents = right, 2 by 2 each."""
-    (a, b), (c, d) = tangents[..., 0, :].transpose(2, 0, 1), tangents[..., 1, :].transpose(2, 0, 1)
-    p, q = right[..., 0], right[..., 1]
-    return np.asarray(np.stack([d * p - c * q, a * q - b * p], axis=-1) / (a * d - b * c)[..., None])

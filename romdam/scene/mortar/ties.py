@@ -21,7 +21,6 @@ import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.arrays import Floats, Ints
-from romdam.geometry.elements import Element
 from romdam.scene.mortar.dual import coupling, without_round_off
 from romdam.scene.mortar.interface import MortarInterface
 from romdam.scene.mortar.segments import integrand_degree, samples
@@ -50,42 +49,35 @@ def tie_weights(interface: MortarInterface) -> TieWeights:
     """Let the slave's nodes that have the master opposite follow it."""
     slave, master, element = interface.slave, interface.master, interface.slave.element
     at = samples(slave, master, interface.segments, integrand_degree(slave, master, element.name))
-    change = _positive(element)
+
+    # shape functions N~ = change @ N with positive integrals
+    middles = list(enumerate(element.middles, start=element.corners))
+    change = np.eye(len(element.nodes))
+    if element.quadratic and element.on_edges:
+        for k, corners in middles:
+            change[list(corners), k] += _ALPHA
+            change[k, k] -= 2.0 * _ALPHA
     whole = coupling(slave, master, at, element, change)
+
     nodes = np.unique(slave.facets)
     nodes = nodes[np.intersect1d(interface.opposite(nodes)[0], np.flatnonzero(whole.area[nodes] != 0.0))]
-    nodes = _with_corners(slave.facets, element, nodes)
-    rows = csr_matrix(diags_array(1.0 / whole.area[nodes]) @ whole.master[nodes])
-    weights = _spread(slave.facets, change, len(slave.points))[nodes][:, nodes] @ rows
+    # a middle follows only where its corners do
+    follows, lacks = np.isin(slave.facets, nodes), np.zeros(0, dtype=np.int64)
+    for k, corners in middles:
+        lacks = np.append(lacks, slave.facets[~follows[:, list(corners)].all(axis=1), k])
+    nodes = np.setdiff1d(nodes, lacks)
+
+    # nodal displacements from the coefficients of N~; facets that share a pair of nodes agree on its entry
+    entries = list(zip(*np.nonzero(change), strict=True))
+    rows = np.concatenate([slave.facets[:, k] for _, k in entries])
+    columns = np.concatenate([slave.facets[:, j] for j, _ in entries])
+    values = np.concatenate([np.full(len(slave.facets), change[j, k]) for j, k in entries])
+    pairs, first = np.unique(np.column_stack([rows, columns]), axis=0, return_index=True)
+    size = len(slave.points)
+    nodal = csr_matrix((values[first], (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+
+    weights = nodal[nodes][:, nodes] @ csr_matrix(diags_array(1.0 / whole.area[nodes]) @ whole.master[nodes])
     seen = np.unique(weights.indices)
     return TieWeights(
         nodes, seen, without_round_off(weights[:, seen], np.ones(len(nodes))), whole.area[nodes]
     )
-
-
-def _positive(element: Element) -> Floats:
-    """(n, n) of the shape functions N~ = change @ N with positive integrals."""
-    change = np.eye(len(element.nodes))
-    if element.quadratic and element.on_edges:
-        for k, corners in enumerate(element.middles, start=element.corners):
-            change[list(corners), k] += _ALPHA
-            change[k, k] -= 2.0 * _ALPHA
-    return change
-
-
-def _with_corners(facets: Ints, element: Element, nodes: Ints) -> Ints:
-    """The nodes, without middles of which a corner is not among them."""
-    follows, lacks = np.isin(facets, nodes), np.zeros(0, dtype=np.int64)
-    for k, corners in enumerate(element.middles, start=element.corners):
-        lacks = np.append(lacks, facets[~follows[:, list(corners)].all(axis=1), k])
-    return np.setdiff1d(nodes, lacks)
-
-
-def _spread(facets: Ints, change: Floats, size: int) -> csr_matrix:
-    """(size, size) nodal displacements from the coefficients of N~."""
-    local = [(j, k) for j, k in zip(*np.nonzero(change), strict=True)]
-    rows = np.concatenate([facets[:, k] for _, k in local])
-    columns = np.concatenate([facets[:, j] for j, _ in local])
-    values = np.concatenate([np.full(len(facets), change[j, k]) for j, k in local])
-    pairs, first = np.unique(np.column_stack([rows, columns]), axis=0, return_index=True)
-    return csr_matrix((values[first], (pairs[:, 0], pairs[:, 1])), shape=(size, size))
