@@ -10,10 +10,9 @@ from romdam.config.load import Job, Source, load_config, located
 from romdam.config.sections.motions.records import LONGEST_DT, SHORTEST_DT
 from romdam.core.errors import RecordError, quote
 from romdam.core.motion import GroundMotion
-from romdam.records.design.choice_table import write_choice
 from romdam.records.plausible import too_strong
 from romdam.records.processing.offset import doubt_drift
-from romdam.records.record_set import Loaded, check_names, load_motions, load_records
+from romdam.records.record_set import Loaded, check_names, load_motions, load_records, write_choice
 
 Motions = GroundMotion | Sequence[GroundMotion]
 Read = Mapping[str, GroundMotion | str]  # record -> its motion, or why it cannot be used, in their order

@@ -24,7 +24,7 @@ from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, t
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
 from romdam.pipelines.summary import refuse_summary, write_summary_files
-from romdam.records.design.choice_table import write_choice
+from romdam.records.record_set import write_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows

@@ -14,12 +14,17 @@ from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation, check_channel, missing, one_record
 from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
-from romdam.records.processing.align import align, said_of_starts
-from romdam.records.processing.changes import changed_measures, refuse_lost_motion
-from romdam.records.processing.correction import Signal, check_processed, correct
+from romdam.records.processing.align import align, rotation, said_of_starts
+from romdam.records.processing.correction import (
+    Signal,
+    changed_measures,
+    check_processed,
+    correct,
+    doubt_pads,
+    moving_samples,
+    refuse_lost_motion,
+)
 from romdam.records.processing.offset import doubt_drift, find_offset
-from romdam.records.processing.orientation import rotation
-from romdam.records.processing.pads import doubt_pads, moving_samples
 from romdam.records.sources import Recorded
 
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +12,9 @@ from pathlib import Path
 from romdam.config.names import misnamed_file, same_file
 from romdam.config.sections.motions.records import MEASURES, RecordConfig
 from romdam.core.errors import ConfigError, RecordError, quote
+from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
+from romdam.core.printable import plain_cell
 from romdam.records.assemble import build_motion
 from romdam.records.channel import Channel
 from romdam.records.components import measures
@@ -272,3 +276,26 @@ def _free_name(name: str, taken: dict[str, str]) -> str:
     while same_file(f"{name}.{number}") in taken:
         number += 1
     return f"{name}.{number}"
+
+
+def write_choice(considered: Sequence[Loaded], folder: Path) -> None:
+    """Write record_choice.csv: what was held against a target, taken or passed over, and why.
+
+    Nothing is written where there is no target.
+    """
+    if not considered:
+        return
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(("record", "used", "factor", "misfit_rms_ln", "of", "why_not"))
+    for record in considered:
+        used = "yes" if record.passes and record.motion is not None else "no"
+        target = record.motion.provenance.get("target") if record.motion is not None else None
+        of = str(target["of"]) if isinstance(target, dict) else ""
+        factor, misfit, why_not = "", "", str(record.error or "")
+        if candidate := record.candidate:
+            factor, misfit = f"{candidate.factor:.6g}", f"{candidate.misfit:.6g}"
+            why_not = str(record.error or candidate.why)
+        writer.writerow(map(plain_cell, (record.name, used, factor, misfit, of, why_not)))
+    with replacing(folder / "record_choice.csv") as unfinished:
+        unfinished.write_text(text.getvalue(), encoding="utf-8")

@@ -113,7 +113,7 @@ FAULTS: dict[str, list[Fault]] = {
         *_of(
             f"{RECORDS}components.py",
             BY_HAND,
-            ("return np.sqrt(found[0] * found[1])", "return 0.5 * (found[0] + found[1])"),
+            ("return np.sqrt(combined[0] * combined[1])", "return 0.5 * (combined[0] + combined[1])"),
         ),
         *_of(
             f"{RECORDS}processing/offset.py",
@@ -125,7 +125,7 @@ FAULTS: dict[str, list[Fault]] = {
             ),
         ),
         *_of(
-            f"{RECORDS}processing/changes.py",
+            f"{RECORDS}processing/correction.py",
             CHANGES,
             ("SAID = 0.1 ", "SAID = 0.3 "),
             ("LEFT = 0.5 ", "LEFT = 0.01 "),

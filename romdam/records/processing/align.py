@@ -1,4 +1,8 @@
-"""Components of one record on a common time base."""
+"""Channels of one record on a common time base, and turned from their azimuths to the model's axes.
+
+The model's z is up; its x points to `x_azimuth` (degrees clockwise from north) and y is 90 degrees to the
+left of x seen from above, that is to `x_azimuth` - 90. With x_azimuth = 90, x is east and y is north.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
-from romdam.records.channel import MIN_SAMPLES, Channel
+from romdam.records.channel import MIN_SAMPLES, Channel, Orientation
 
 STAMPS = 0.1  # of a step, which the digits of time stamps may lose
 HALF_WIDTH, KAISER = 16, 6.0  # of the interpolation: steps, and shape of its window
+SMALLEST_ANGLE = 30.0  # degrees between two horizontal channels; less, and their noise decides the motion
 
 
 def align(channels: Sequence[Channel], policy: str, location: str) -> NDArray[np.float64]:
@@ -95,3 +100,41 @@ def _shifts(channels: Sequence[Channel]) -> tuple[list[int], list[float]]:
     lags = [value - shift for value, shift in zip(exact, rounded, strict=True)]
     shifts = [shift - min(rounded) for shift in rounded]
     return shifts, [lag if abs(lag) > STAMPS else 0.0 for lag in lags]
+
+
+def rotation(where: Sequence[Orientation], x_azimuth: float, location: str) -> NDArray[np.float64]:
+    """Matrix (3, k) that turns k recorded channels into motion along x, y, z.
+
+    Parameters
+    ----------
+    where : orientation of each channel; two horizontal, or one vertical, or all three
+    x_azimuth : azimuth of the model's x [degrees]
+    location : names the record in errors
+
+    Raises
+    ------
+    RecordError
+        for one horizontal channel alone, more than two, two that are almost parallel, or two verticals.
+    """
+    level = [i for i, w in enumerate(where) if w.azimuth is not None]
+    upright = [i for i, w in enumerate(where) if w.azimuth is None]
+    if len(level) not in (0, 2) or len(upright) > 1 or not where:
+        raise RecordError(
+            f"{location}: rotation to x_azimuth needs two horizontal channels, one vertical at most; "
+            f"it has {len(level)} and {len(upright)}; name them under `components`"
+        )
+    matrix = np.zeros((3, len(where)))
+    for i in upright:
+        matrix[2, i] = where[i].vertical
+    if level:
+        azimuths = [float(where[i].azimuth or 0.0) for i in level]
+        angle = np.radians(x_azimuth - np.array(azimuths))  # counterclockwise from x to the channel
+        directions = np.column_stack([np.cos(angle), np.sin(angle)])  # recorded = directions @ motion in x, y
+        if abs(np.linalg.det(directions)) < np.sin(np.radians(SMALLEST_ANGLE)):
+            raise RecordError(
+                f"{location}: channels at {azimuths[0]:g} and {azimuths[1]:g} degrees are within "
+                f"{SMALLEST_ANGLE:g} degrees of parallel; they do not give two directions of motion"
+            )
+        inverse = np.linalg.inv(directions)
+        matrix[:2, level] = np.where(np.abs(inverse) < 1e-15, 0.0, inverse)
+    return matrix

@@ -60,16 +60,13 @@ def search_highpass(acc: Array, dt: float, target: float, band: tuple[float, flo
             f"correction: no high-pass corner up to {band[1]:g} Hz brings the displacement's drift down to "
             f"{target:g} (it is {at_most:.3g} there); raise `highest` or detrend first"
         )
-    return float(np.exp(_ridder(acc, dt, target, (low, band[1]))))
-
-
-def _ridder(acc: Array, dt: float, target: float, band: tuple[float, float]) -> float:
     from scipy import optimize  # here: reading a record should not wait for it
 
     def excess(log_corner: float) -> float:
         return drift_ratio(acc, dt, float(np.exp(log_corner))) - target
 
-    return float(optimize.ridder(excess, np.log(band[0]), np.log(band[1]), xtol=1e-3, maxiter=60))
+    root = optimize.ridder(excess, np.log(low), np.log(band[1]), xtol=1e-3, maxiter=60)
+    return float(np.exp(float(root)))
 
 
 def source_corner(magnitude: float | None) -> float:
@@ -105,14 +102,18 @@ def signal_to_noise_band(
             "give the corners or search them (method: ridder)"
         )
     rows = acc.reshape(-1, acc.shape[-1])
-    bands = [_band(row, dt, onset, threshold, source_corner(magnitude)) for row in rows]
+    bands = [_component_band(row, dt, onset, threshold, source_corner(magnitude)) for row in rows]
     return max(b[0] for b in bands), min(b[1] for b in bands)
 
 
-def _band(row: Array, dt: float, onset: int, threshold: float, corner: float) -> tuple[float, float]:
+def _component_band(
+    row: Array, dt: float, onset: int, threshold: float, corner: float
+) -> tuple[float, float]:
+    """Find the band [Hz] of one component (nt,); `corner` is the lowest frequency that it must hold [Hz]."""
     noise, shaking = row[:onset] - np.mean(row[:onset]), row[onset:] - np.mean(row[:onset])
     freq = np.geomspace(max(1.0 / (onset * dt), 0.01), 0.45 / dt, 200)
-    ratio = _smooth(shaking, dt, freq) / np.maximum(_smooth(noise, dt, freq), np.finfo(float).tiny)
+    noise_spectrum = np.maximum(_smooth_spectrum(noise, dt, freq), np.finfo(float).tiny)
+    ratio = _smooth_spectrum(shaking, dt, freq) / noise_spectrum
     needed = np.flatnonzero((freq >= corner) & (freq <= NEEDED_TO))
     first, last = (needed[0], needed[-1]) if needed.size else (0, freq.size - 1)
     least = first + int(np.argmin(ratio[first : last + 1]))
@@ -128,7 +129,8 @@ def _band(row: Array, dt: float, onset: int, threshold: float, corner: float) ->
     return float(low), float(high)
 
 
-def _smooth(row: Array, dt: float, freq: Array) -> Array:
+def _smooth_spectrum(row: Array, dt: float, freq: Array) -> Array:
+    """Root mean square of the amplitude spectrum within an 18th of a decade of each frequency, (nf,)."""
     spectrum = np.abs(np.fft.rfft(row, max(row.size, 4096))) ** 2 / row.size
     lines = np.fft.rfftfreq(max(row.size, 4096), dt)
     summed = np.concatenate([[0.0], np.cumsum(spectrum)])

@@ -1,6 +1,8 @@
 """Correction of a record: the steps of a configuration applied in order, with a log of what each did.
 
-All components of a record go through together, so that corners and pads are common to them.
+All components of a record go through together, so that corners and pads are common to them. What a correction
+changed is said where it is much, and refused where most of the motion is gone; of the pads that it added only
+those samples are kept in which the ground still moves.
 """
 
 from __future__ import annotations
@@ -25,11 +27,20 @@ from romdam.config.sections.motions.correction import (
 )
 from romdam.core.errors import RecordError
 from romdam.core.motion import MOST_SAMPLES
+from romdam.records.measures import measure
 from romdam.records.processing import correction_steps as steps
 from romdam.records.processing.corners import search_highpass, signal_to_noise_band
 from romdam.records.processing.integrate import displacement, velocity
+from romdam.records.processing.offset import moving_average
 
+Array = NDArray[np.float64]
 NYQUIST_SHARE = 0.75  # gmprocess' cap of the low-pass
+SAID = 0.1  # change of a measure
+LEFT = 0.5  # of a measure, at least
+NOISE = 0.01  # of the strongest component's peak; a weaker component is not judged by itself
+COMPARED = {"pga": ("PGA", "m/s2"), "pgv": ("PGV", "m/s"), "arias": ("Arias intensity", "m/s")}
+REST = 1e-3  # of the peaks: the ground is at rest below
+LONG = 2.0  # times the record's duration: what pads cost is said
 
 
 @dataclass(frozen=True)
@@ -47,7 +58,7 @@ class Signal:
     warnings : sentences
     """
 
-    acc: NDArray[np.float64]
+    acc: Array
     dt: float
     before: int = 0
     after: int = 0
@@ -61,14 +72,23 @@ class Signal:
         """The samples of the record between its pads."""
         return slice(self.before, self.acc.shape[-1] - self.after)
 
-    def noted(self, acc: NDArray[np.float64], **entry: object) -> Signal:
+    @property
+    def duration(self) -> float:
+        """Time of the record's last sample, without pads [s]."""
+        return (self.acc[..., self.record].shape[-1] - 1) * self.dt
+
+    def noted(self, acc: Array, **entry: object) -> Signal:
         """Return this signal with new values and one more entry in its log."""
         return replace(self, acc=acc, log=(*self.log, entry))
 
+    def noted_between_pads(self, record_acc: Array, **entry: object) -> Signal:
+        """Return this signal with new values between its pads, (k, nt without pads), and a log entry."""
+        acc = self.acc.copy()
+        acc[..., self.record] = record_acc
+        return self.noted(acc, **entry)
 
-def correct(
-    acc: NDArray[np.float64], dt: float, chain: Sequence[Model], magnitude: float | None = None
-) -> Signal:
+
+def correct(acc: Array, dt: float, chain: Sequence[Model], magnitude: float | None = None) -> Signal:
     """Apply the steps of `chain` in order.
 
     Parameters
@@ -102,7 +122,7 @@ def correct(
     return signal
 
 
-def check_processed(acc: NDArray[np.float64], dt: float) -> tuple[str, ...]:
+def check_processed(acc: Array, dt: float) -> tuple[str, ...]:
     """Say where a record that is used as it is still drifts.
 
     A velocity above 1 % of its peak or a displacement above 10 % of its peak at the end is what is left of
@@ -131,17 +151,11 @@ def _mean(signal: Signal, step: MeanStep) -> Signal:
         samples = max(1, round(step.until / signal.dt))
         if samples > acc.shape[-1]:
             raise RecordError(
-                f"until {step.until:g} s lies behind the record's end at {_length(signal):g} s; leave it out "
+                f"until {step.until:g} s lies behind the record's end at {signal.duration:g} s; leave it out "
                 "for the mean of all samples"
             )
     acc = steps.subtract_mean(acc, samples)
-    return signal.noted(_with(signal, acc), step="mean", seconds=samples * signal.dt)
-
-
-def _with(signal: Signal, record_acc: NDArray[np.float64]) -> NDArray[np.float64]:
-    acc = signal.acc.copy()
-    acc[..., signal.record] = record_acc
-    return acc
+    return signal.noted_between_pads(acc, step="mean", seconds=samples * signal.dt)
 
 
 def _detrend(signal: Signal, step: DetrendStep) -> Signal:
@@ -150,7 +164,7 @@ def _detrend(signal: Signal, step: DetrendStep) -> Signal:
         acc = steps.subtract_trend(acc, step.order)
     else:
         acc = steps.subtract_velocity_trend(acc, signal.dt, step.order)
-    return signal.noted(_with(signal, acc), step="detrend", of=step.of, order=step.order)
+    return signal.noted_between_pads(acc, step="detrend", of=step.of, order=step.order)
 
 
 def _taper(signal: Signal, step: TaperStep) -> Signal:
@@ -158,18 +172,14 @@ def _taper(signal: Signal, step: TaperStep) -> Signal:
     n = acc.shape[-1]
     count = round(step.fraction * n) if step.fraction is not None else round((step.length or 0.0) / signal.dt)
     if not 0 < count <= n // 2:
+        half = f"longer than half the record ({0.5 * signal.duration:g} s)"
+        wrong = half if count else "shorter than a sample"
         raise RecordError(
-            f"correction: a taper of {count * signal.dt:g} s is "
-            + (
-                f"longer than half the record ({0.5 * _length(signal):g} s)"
-                if count
-                else "shorter than a sample"
-            )
-            + "; change `fraction` or `length`"
+            f"correction: a taper of {count * signal.dt:g} s is {wrong}; change `fraction` or `length`"
         )
     first, last = (count if step.side in ("both", side) else 0 for side in ("start", "end"))
     acc = steps.taper(acc, first, last)
-    return signal.noted(_with(signal, acc), step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
+    return signal.noted_between_pads(acc, step="taper", start_s=first * signal.dt, end_s=last * signal.dt)
 
 
 def _corners(signal: Signal, step: CornersStep) -> Signal:
@@ -215,12 +225,24 @@ def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
     nyquist = 0.5 / signal.dt
     if highpass is None and lowpass is None:
         raise RecordError("correction: butterworth has no corner; give `highpass` or put `corners` before it")
-    warnings = (*signal.warnings, *_corner_warnings(signal, step))
+    remarks = [
+        f"butterworth.{name} {corner:g} Hz counts, not the {chosen:g} Hz chosen before"
+        for name, corner, chosen in zip(
+            ("highpass", "lowpass"), (step.highpass, step.lowpass), signal.corners, strict=True
+        )
+        if corner is not None and chosen is not None and corner != chosen
+    ]
+    if highpass is not None and highpass * signal.duration < 1.0:
+        remarks.append(
+            f"high-pass at {highpass:g} Hz has a period of {1.0 / highpass:g} s, the record lasts "
+            f"{signal.duration:g} s: it takes out the mean at most; raise `highpass`"
+        )
     if lowpass is not None and lowpass >= 0.95 * nyquist:
         said = f"low-pass at {lowpass:g} Hz left out, Nyquist is {nyquist:g} Hz"
         if highpass is None:
             raise RecordError(f"{said}: nothing is filtered; lower `lowpass`, or leave the step out")
-        warnings, lowpass = (*warnings, said), None
+        remarks.append(said)
+        lowpass = None
     if highpass is not None and highpass >= min(0.95 * nyquist, lowpass or np.inf):
         limit = f"low-pass at {lowpass:g} Hz" if lowpass else f"Nyquist is {nyquist:g} Hz"
         raise RecordError(f"correction: high-pass at {highpass:g} Hz, {limit}; lower `highpass`")
@@ -233,30 +255,7 @@ def _butterworth(signal: Signal, step: ButterworthStep) -> Signal:
         highpass_hz=highpass,
         lowpass_hz=lowpass,
     )
-    return replace(noted, warnings=warnings, corners=(highpass, lowpass))
-
-
-def _corner_warnings(signal: Signal, step: ButterworthStep) -> tuple[str, ...]:
-    """Say where a corner is chosen twice, and where the record is too short for one."""
-    remarks = [
-        f"butterworth.{name} {corner:g} Hz counts, not the {chosen:g} Hz chosen before"
-        for name, corner, chosen in zip(
-            ("highpass", "lowpass"), (step.highpass, step.lowpass), signal.corners, strict=True
-        )
-        if corner is not None and chosen is not None and corner != chosen
-    ]
-    highpass = step.highpass or signal.corners[0]
-    if highpass is not None and highpass * _length(signal) < 1.0:
-        remarks.append(
-            f"high-pass at {highpass:g} Hz has a period of {1.0 / highpass:g} s, the record lasts "
-            f"{_length(signal):g} s: it takes out the mean at most; raise `highpass`"
-        )
-    return tuple(remarks)
-
-
-def _length(signal: Signal) -> float:
-    """Time of the record's last sample, without pads [s]."""
-    return (signal.acc[..., signal.record].shape[-1] - 1) * signal.dt
+    return replace(noted, warnings=(*signal.warnings, *remarks), corners=(highpass, lowpass))
 
 
 def _displacement_baseline(signal: Signal, step: DisplacementBaselineStep) -> Signal:
@@ -265,25 +264,20 @@ def _displacement_baseline(signal: Signal, step: DisplacementBaselineStep) -> Si
 
 
 def _velocity_baseline(signal: Signal, step: VelocityBaselineStep) -> Signal:
-    acc = signal.acc[..., signal.record]
-    knots = step.knots or _best_knots(acc, signal.dt)
-    duration = (acc.shape[-1] - 1) * signal.dt
+    acc, dt, duration = signal.acc[..., signal.record], signal.dt, signal.duration
+    knots = step.knots
+    if not knots:  # the onset and the later time that leave the least velocity, as PRISM's adaptive baseline
+        first = max(steps.pick_onset(acc, dt) * dt, 0.01 * duration)
+        choices = [(first, later) for later in np.linspace(first, duration, 42)[1:-1]]
+        energy = [np.sum(velocity(steps.subtract_velocity_baseline(acc, dt, k), dt) ** 2) for k in choices]
+        knots = tuple(float(knot) for knot in choices[int(np.argmin(energy))])
     if max(knots) >= duration or any(b <= a for a, b in itertools.pairwise(knots)):
         raise RecordError(f"correction: knots {knots} must rise and lie within the record's {duration:g} s")
-    acc = steps.subtract_velocity_baseline(acc, signal.dt, knots)
-    return signal.noted(_with(signal, acc), step="velocity_baseline", knots_s=list(knots))
+    acc = steps.subtract_velocity_baseline(acc, dt, knots)
+    return signal.noted_between_pads(acc, step="velocity_baseline", knots_s=list(knots))
 
 
-def _best_knots(acc: NDArray[np.float64], dt: float) -> tuple[float, ...]:
-    """The onset and the later time that leave the least velocity (as PRISM's adaptive baseline searches)."""
-    duration = (acc.shape[-1] - 1) * dt
-    first = max(steps.pick_onset(acc, dt) * dt, 0.01 * duration)
-    choices = [(first, later) for later in np.linspace(first, duration, 42)[1:-1]]
-    left = [np.sum(velocity(steps.subtract_velocity_baseline(acc, dt, knots), dt) ** 2) for knots in choices]
-    return tuple(float(knot) for knot in choices[int(np.argmin(left))])
-
-
-# the visible list: a new step is one model in config/correction.py and one entry here
+# a new step is one model in romdam.config.sections.motions.correction and one entry here
 STEPS: dict[type, Callable[..., Signal]] = {
     MeanStep: _mean,
     DetrendStep: _detrend,
@@ -294,3 +288,94 @@ STEPS: dict[type, Callable[..., Signal]] = {
     DisplacementBaselineStep: _displacement_baseline,
     VelocityBaselineStep: _velocity_baseline,
 }
+
+
+def changed_measures(before: Array, after: Array, dt: float, names: Sequence[str]) -> tuple[str, ...]:
+    """Say where a correction changes PGA, PGV or Arias intensity by more than `SAID`.
+
+    Parameters
+    ----------
+    before : (k, nt) [m/s2]
+    after : (k, nt with pads) [m/s2]
+    names : of the components, k
+    """
+    had, has = measure(before, dt), measure(after, dt)
+    judged = had["pga"] > 1e-9 * np.max(had["pga"], initial=0.0)  # else what rotation leaves of nothing
+    said = []
+    for row in np.flatnonzero(judged).tolist():
+        changes = [
+            f"{text} from {had[name][row]:.3g} to {has[name][row]:.3g} {unit} "
+            f"({100 * (has[name][row] / had[name][row] - 1.0):+.0f} %)"
+            for name, (text, unit) in COMPARED.items()
+            if abs(has[name][row] - had[name][row]) > SAID * had[name][row]
+        ]
+        if changes:
+            said.append(f"the correction changes, along {names[row]}, {', '.join(changes)}")
+    return tuple(said)
+
+
+def refuse_lost_motion(before: Array, after: Array, dt: float, names: Sequence[str]) -> None:
+    """Refuse a correction that leaves less than `LEFT` of PGA, PGV or Arias intensity.
+
+    Drift is no motion: both are compared without their average over some seconds.
+
+    Parameters
+    ----------
+    before, after, names : as of `changed_measures`
+
+    Raises
+    ------
+    RecordError
+        naming component and measure.
+    """
+    had, has = (measure(acc - moving_average(acc, dt), dt) for acc in (before, after))
+    judged = had["pga"] > NOISE * np.max(had["pga"], initial=0.0)
+    for name, (text, unit) in COMPARED.items():
+        for row in np.flatnonzero(judged & (has[name] < LEFT * had[name])).tolist():
+            raise RecordError(
+                f"correction: it leaves {100 * has[name][row] / had[name][row]:.0f} % of the {text} of "
+                f"{names[row]} ({had[name][row]:.3g} to {has[name][row]:.3g} {unit}), at least "
+                f"{100 * LEFT:g} % must stay; lower the high-pass, raise the low-pass, or take another chain"
+            )
+
+
+def moving_samples(acc: Array, dt: float, before: int, after: int) -> slice:
+    """Find the samples that must be kept of a padded record, so that its histories stay.
+
+    Pads are kept as far as the filter's transients reach: cutting them would bring back the drift (Boore
+    2005). Further out nothing moves. A start that is cut away leaves out its velocity for the rest of the
+    record and its displacement; together they stay below `REST` of the largest displacement. After the end,
+    acceleration, velocity and displacement are below `REST` of their peaks.
+
+    Parameters
+    ----------
+    acc : (k, nt) [m/s2]
+    before, after : samples of padding
+
+    Returns
+    -------
+    slice of the samples
+    """
+    count = acc.shape[-1]
+    vel, disp = velocity(acc, dt), displacement(acc, dt)
+    pga, pgv, pgd = (np.max(np.abs(rows)) for rows in (acc, vel, disp))
+    left = dt * (count - np.arange(count))
+    rests = np.all(np.abs(acc) <= REST * pga, axis=0) & np.all(np.abs(vel) <= REST * pgv, axis=0)
+    starts = rests & np.all(np.abs(disp) + np.abs(vel) * left <= REST * pgd, axis=0)
+    ends = rests & np.all(np.abs(disp) <= REST * pgd, axis=0)
+    moves_first, moves_last = np.flatnonzero(~starts), np.flatnonzero(~ends)
+    first = min(before, moves_first[0] - 1 if moves_first.size else before)
+    last = max(count - after, moves_last[-1] + 2 if moves_last.size else count - after)
+    return slice(max(0, int(first)), min(count, int(last)))
+
+
+def doubt_pads(samples: int, before: int, after: int, dt: float) -> str:
+    """Say what pads cost where they make a record of `samples`, pads included, much longer; else ""."""
+    record = samples - before - after
+    if samples <= LONG * record:
+        return ""
+    return (
+        f"pads of {before * dt:.4g} s before and {after * dt:.4g} s after make {samples * dt:.4g} s of a "
+        f"record of {record * dt:.4g} s, and a run takes {samples / record:.2g} times as long; they hold the "
+        "transients of the filter, and a higher high-pass makes them shorter"
+    )

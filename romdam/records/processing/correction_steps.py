@@ -85,20 +85,19 @@ def butterworth(
 
             sections = signal.butter(order, corner, kind, fs=1.0 / dt, output="sos")
             acc = signal.sosfilt(sections, acc, axis=-1)
+            continue
+        n = acc.shape[-1]
+        freq = np.fft.rfftfreq(n, dt)
+        if kind == "highpass":
+            with np.errstate(divide="ignore"):
+                ratio = np.where(freq > 0.0, corner / freq, np.inf)
         else:
-            acc = _zero_phase(acc, dt, order, corner, kind == "highpass")
+            ratio = freq / corner
+        gain = 1.0 / np.sqrt(1.0 + np.minimum(ratio, 1e15) ** (2 * order))
+        if kind == "highpass":
+            gain[0] = 0.0
+        acc = np.fft.irfft(np.fft.rfft(acc, axis=-1) * gain, n, axis=-1)
     return acc
-
-
-def _zero_phase(acc: Array, dt: float, order: int, corner: float, highpass: bool) -> Array:
-    n = acc.shape[-1]
-    freq = np.fft.rfftfreq(n, dt)
-    with np.errstate(divide="ignore"):
-        ratio = np.where(freq > 0.0, corner / freq, np.inf) if highpass else freq / corner
-    gain = 1.0 / np.sqrt(1.0 + np.minimum(ratio, 1e15) ** (2 * order))
-    if highpass:
-        gain[0] = 0.0
-    return np.fft.irfft(np.fft.rfft(acc, axis=-1) * gain, n, axis=-1)
 
 
 def subtract_displacement_baseline(acc: Array, dt: float, order: int) -> Array:
@@ -136,19 +135,18 @@ def pick_onset(acc: Array, dt: float) -> int:
 
 
 def _aic_onset(row: Array) -> int:
+    """Sample of the first arrival in one component (nt,)."""
     peak = int(np.argmax(np.abs(row)))
     window = row[: peak + 1]
     n = window.size
     if n < 20:
         return 0
-    head, tail = _running_variance(window), _running_variance(window[::-1])[::-1]
+    both = np.stack([window, window[::-1]])
+    count = np.arange(1, n + 1)  # of samples, from the start and from the end
+    means = np.cumsum(both, axis=-1) / count
+    variances = np.maximum(np.cumsum(both**2, axis=-1) / count - means**2, 0.0)
+    head, tail = variances[0], variances[1, ::-1]
     k = np.arange(2, n - 2)
     tiny = 1e-30 * float(np.max(window**2)) + np.finfo(float).tiny
     aic = k * np.log(head[k - 1] + tiny) + (n - k - 1) * np.log(tail[k] + tiny)
     return int(k[np.argmin(aic)])
-
-
-def _running_variance(x: Array) -> Array:
-    """Variance of the first k samples, for every k."""
-    count = np.arange(1, x.size + 1)
-    return np.maximum(np.cumsum(x**2) / count - (np.cumsum(x) / count) ** 2, 0.0)

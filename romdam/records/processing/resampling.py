@@ -46,12 +46,29 @@ def resample(
     if np.isclose(dt_new, dt_old, rtol=1e-9, atol=0.0):
         return acc.copy()
     _refuse_huge(duration / dt_new, f"dt {dt_new:g} s makes of {duration:g} s")
-    source = _low_pass(acc, dt_old, dt_new) if dt_new > dt_old else acc
+    nt = acc.shape[-1]
+    n = 2 * nt  # as many zeros again, so that the end does not wrap onto the start
+    if dt_new > dt_old:  # low-pass what the coarser interval cannot carry: zero phase, cosine edge
+        freq = np.fft.rfftfreq(n, dt_old)
+        nyquist = 0.5 / dt_new
+        edge = np.clip((freq / nyquist - 0.8) / 0.2, 0.0, 1.0)
+        gain = 0.5 * (1.0 + np.cos(np.pi * edge))
+        acc = np.fft.irfft(np.fft.rfft(acc, n, axis=-1) * gain, n, axis=-1)[..., :nt]
     # 1e-9 of a step, so that a duration that is a multiple of dt_new keeps its last sample in floating point
     time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1, dtype=np.float64) * dt_new
-    if method == "fourier":
-        return _fourier_at(source, dt_old, time)
-    return _linear_at(source, dt_old, time)
+    if method == "linear":
+        return _linear_at(acc, dt_old, time)
+    # band-limited values: zero-padded transform onto a fine grid, then straight lines on it
+    step = float(time[1] - time[0])
+    refine = max(1, round(dt_old / step))
+    if not np.isclose(refine * step, dt_old, rtol=1e-9):
+        refine = 8 * int(np.ceil(dt_old / step))
+    _refuse_huge(n * refine, f"the Fourier grid of dt {step:g} s takes")
+    spectrum = np.fft.rfft(acc, n, axis=-1)
+    if refine > 1:
+        spectrum[..., -1] *= 0.5  # the Nyquist line splits into a pair once it is inside the band
+    fine = np.fft.irfft(spectrum, n * refine, axis=-1) * refine
+    return _linear_at(fine, dt_old / refine, time)
 
 
 def _refuse_huge(samples: float, what: str) -> None:
@@ -102,35 +119,11 @@ def lost_between(acc: NDArray[np.float64], dt: float, step: float) -> tuple[floa
 
 
 def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (..., n) at `time` (n,) [s] of what is linear between samples."""
     position = np.minimum(time / dt, acc.shape[-1] - 1)
     index = np.minimum(position.astype(np.int64), acc.shape[-1] - 2)
     weight = position - index
     return (1.0 - weight) * acc[..., index] + weight * acc[..., index + 1]
-
-
-def _fourier_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Band-limited values at `time`: zero-padded transform onto a fine grid, then straight lines on it."""
-    n = 2 * acc.shape[-1]  # as many zeros again, so that the end does not wrap onto the start
-    step = float(time[1] - time[0])
-    refine = max(1, round(dt / step))
-    if not np.isclose(refine * step, dt, rtol=1e-9):
-        refine = 8 * int(np.ceil(dt / step))
-    _refuse_huge(n * refine, f"the Fourier grid of dt {step:g} s takes")
-    spectrum = np.fft.rfft(acc, n, axis=-1)
-    if n % 2 == 0 and refine > 1:
-        spectrum[..., -1] *= 0.5  # the Nyquist line splits into a pair once it is inside the band
-    fine = np.fft.irfft(spectrum, n * refine, axis=-1) * refine
-    return _linear_at(fine, dt / refine, time)
-
-
-def _low_pass(acc: NDArray[np.float64], dt_old: float, dt_new: float) -> NDArray[np.float64]:
-    """Remove what the coarser interval cannot carry: zero phase, cosine edge."""
-    n = 2 * acc.shape[-1]
-    freq = np.fft.rfftfreq(n, dt_old)
-    nyquist = 0.5 / dt_new
-    edge = np.clip((freq / nyquist - 0.8) / 0.2, 0.0, 1.0)
-    gain = 0.5 * (1.0 + np.cos(np.pi * edge))
-    return np.fft.irfft(np.fft.rfft(acc, n, axis=-1) * gain, n, axis=-1)[..., : acc.shape[-1]]
 
 
 def cut_or_extended(acc: NDArray[np.float64], samples: int) -> NDArray[np.float64]:

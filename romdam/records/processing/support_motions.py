@@ -35,17 +35,17 @@ def add_support_rows(
     """
     if not motions:
         return acc
-    against = np.concatenate([_own(motion, acc, dt) - acc for motion in motions])
-    return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])
-
-
-def _own(motion: SupportMotion, acc: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-    """Acceleration of a support (3, nt) [m/s2]."""
-    if motion.record is not None:
-        return cut_or_extended(resample_motion(motion.record, dt), acc.shape[1])
     time = np.arange(acc.shape[1]) * dt
-    later = [np.interp(time - motion.delay, time, row, left=0.0) for row in acc]
-    return motion.factor * np.stack(later)
+    relative = []  # acceleration of each support against the base, (3, nt) [m/s2]
+    for motion in motions:
+        if motion.record is not None:
+            support_acc = cut_or_extended(resample_motion(motion.record, dt), acc.shape[1])
+        else:
+            delayed = [np.interp(time - motion.delay, time, row, left=0.0) for row in acc]
+            support_acc = motion.factor * np.stack(delayed)
+        relative.append(support_acc - acc)
+    against = np.concatenate(relative)
+    return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])
 
 
 def refuse_drift(motion: GroundMotion, location: str) -> None:
@@ -64,7 +64,6 @@ def refuse_drift(motion: GroundMotion, location: str) -> None:
     if end > _DRIFT * peak:
         raise RecordError(
             f"{location}: record {motion.name} ends with a velocity of {end:.3g} m/s, {end / peak:.0%} of "
-            "its "
-            f"peak, limit {_DRIFT:.0%}: its displacement, which supports of their own motion take, drifts; "
-            "correct its baseline, as `correction: peer` does"
+            f"its peak, limit {_DRIFT:.0%}: its displacement, which supports of their own motion take, "
+            "drifts; correct its baseline, as `correction: peer` does"
         )
