@@ -37,3 +37,13 @@ def nearest(points: Floats, places: Floats, reach: float = np.inf) -> tuple[Floa
             return np.where(near, np.sqrt(least), np.inf), np.where(near, number, len(points))
     distance, number = tree(points).query(places, distance_upper_bound=reach)
     return distance, number
+
+
+def merge_near(points: Floats, tolerance: float) -> Ints:
+    """(n,) the same number for points within a tolerance [m] of each other, and for chains of such points."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = tree(points).query_pairs(tolerance, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)

@@ -60,39 +60,60 @@ def build_reservoir(
     heights = [blocks[face.block].points[face.facets, 2] for face in faces]
     refuse_level(config.level, heights, location)
     for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
-        at = f"{location}.faces[{k}]"
-        _refuse_dry(config.level, height, at)
-        _refuse_contact(face, contacts, blocks, at)
-        _refuse_held(face, fixed[face.block], at)
-    _refuse_floor(config, location)
+        face_key = f"{location}.faces[{k}]"
+        if height.min() >= config.level:
+            raise ConfigError(
+                f"{face_key}: the face is not wet: it begins at {height.min():g} m, above the level of "
+                f"{config.level:g} m; leave it out"
+            )
+        _refuse_contact(face, contacts, blocks, face_key)
+        if fixed[face.block][face.facets].all():
+            raise ConfigError(
+                f"{face_key}: the face is not wet: supports hold all {len(face.facets)} of its facets, so "
+                "that nothing moves the water; name the upstream face"
+            )
+    if config.bottom is not None and config.bottom >= config.level:
+        raise ConfigError(
+            f"{location}.bottom: the floor at {config.bottom:g} m must be below the level of "
+            f"{config.level:g} m; lower it, or leave the key out"
+        )
     bottom = min(float(height.min()) for height in heights)
     upstream = _upstream(config, blocks, faces, location)
-    if config.model != "westergaard" and config.mesh is None:
-        _refuse_behind(upstream, blocks, faces, location)
+    solved = config.model != "westergaard"
+    if solved and config.mesh is None:  # a prismatic reservoir starts at faces that look upstream
+        for k, face in enumerate(faces):
+            looks = facet_normals(blocks[face.block].points, face.facets) @ upstream
+            if looks.min() <= 0.0:
+                angle = np.degrees(np.arccos(looks.min()))
+                raise ConfigError(
+                    f"{location}.faces[{k}]: {int((looks <= 0.0).sum())} of its {len(looks)} facets are not "
+                    f"wet, they look away from the reservoir ({angle:.0f} degrees off "
+                    f"{upstream.round(3).tolist()}, limit 90); name the upstream face only, or correct "
+                    "`upstream`"
+                )
+    sound = None
+    if config.model == "compressible":
+        sound = Sound(config.sound_speed, config.bottom_reflection, config.cutoff)
     water = Reservoir(
         faces=tuple(faces),
         level=config.level,
         depth=config.level - (bottom if config.bottom is None else config.bottom),
         density=config.density,
-        solved=config.model != "westergaard",
+        solved=solved,
         upstream=upstream,
         length=config.length or _DEPTHS * (config.level - bottom),
-        sound=_sound(config),
+        sound=sound,
     )
-    if config.mesh is None:
-        _refuse_slit(water, location)
-        _refuse_many_waves(water, blocks, location)
-        return water
-    return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{location}.mesh"))
-
-
-def _refuse_slit(water: Reservoir, location: str) -> None:
+    if config.mesh is not None:
+        return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{location}.mesh"))
     if water.solved and water.length < _LEAST_DEPTHS * water.depth:
         raise ConfigError(
             f"{location}.length: {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
             f"{water.depth:.4g} m, limit {_LEAST_DEPTHS:g}: a slit of water is no reservoir; leave it out "
             f"for {_DEPTHS:g} depths, or is the unit right?"
         )
+    _refuse_many_waves(water, blocks, location)
+    return water
 
 
 def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], location: str) -> None:
@@ -108,16 +129,9 @@ def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], location: str
     if count > _MOST_WAVES:
         raise ConfigError(
             f"{location}.sound_speed: at {water.sound.speed:g} m/s the water has about {count:.2g} modes "
-            "below "
-            f"{water.sound.cutoff:g} Hz, limit {_MOST_WAVES:g}; is the unit right? Else lower water.cutoff "
-            "or water.length"
+            f"below {water.sound.cutoff:g} Hz, limit {_MOST_WAVES:g}; is the unit right? Else lower "
+            "water.cutoff or water.length"
         )
-
-
-def _sound(config: WaterConfig) -> Sound | None:
-    if config.model != "compressible":
-        return None
-    return Sound(config.sound_speed, config.bottom_reflection, config.cutoff)
 
 
 def refuse_level(level: float, heights: list[Floats], location: str) -> None:
@@ -133,58 +147,29 @@ def refuse_level(level: float, heights: list[Floats], location: str) -> None:
         what = "above the top of its faces" if level > top else "not above the foot of its faces"
         remedy = "lower it" if level > top else "raise it, or leave the load out"
         raise ConfigError(
-            f"{location}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to "
-            f"{top:g} m; "
-            f"{remedy}"
-        )
-
-
-def _refuse_floor(config: WaterConfig, location: str) -> None:
-    if config.bottom is not None and config.bottom >= config.level:
-        raise ConfigError(
-            f"{location}.bottom: the floor at {config.bottom:g} m must be below the level of "
-            f"{config.level:g} "
-            "m; lower it, or leave the key out"
-        )
-
-
-def _refuse_dry(level: float, height: Floats, location: str) -> None:
-    if height.min() >= level:
-        raise ConfigError(
-            f"{location}: the face is not wet: it begins at {height.min():g} m, above the level of "
-            f"{level:g} m; "
-            "leave it out"
+            f"{location}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} "
+            f"m; {remedy}"
         )
 
 
 def _refuse_contact(
     face: WetFace, contacts: tuple[Joint | Tie, ...], blocks: dict[str, Block], location: str
 ) -> None:
+    """Refuse facets that lie on the neighbour of a contact with most of their area."""
+    wet_face = Surface(face.block, blocks[face.block].points, face.facets)
     for contact in contacts:
-        for side, block in enumerate(contact.blocks):
-            inside = int(_across(face, contact, side, blocks).sum()) if block == face.block else 0
+        for block, neighbour in zip(contact.blocks, reversed(contact.blocks), strict=True):
+            if block != face.block:
+                continue
+            between = segments(wet_face, Surface.boundary(blocks[neighbour]), _TOUCH)
+            area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
+            covered = np.bincount(between.slave, area, len(face.facets))
+            inside = int((covered > 0.5 * wet_face.areas).sum())
             if inside:
                 raise ConfigError(
                     f"{location}: the face is not wet: {inside} of its {len(face.facets)} facets lie in the "
                     f"contact {contact.name!r} with a neighbour; name the upstream face"
                 )
-
-
-def _across(face: WetFace, contact: Joint | Tie, side: int, blocks: dict[str, Block]) -> Bools:
-    """True for facets that lie on the neighbour, with most of their area."""
-    wet_face = Surface(face.block, blocks[face.block].points, face.facets)
-    between = segments(wet_face, Surface.boundary(blocks[contact.blocks[1 - side]]), _TOUCH)
-    area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
-    covered = np.bincount(between.slave, area, len(face.facets))
-    return np.asarray(covered > 0.5 * wet_face.areas)
-
-
-def _refuse_held(face: WetFace, fixed: Bools, location: str) -> None:
-    if fixed[face.facets].all():
-        raise ConfigError(
-            f"{location}: the face is not wet: supports hold all {len(face.facets)} of its facets, so that "
-            "nothing moves the water; name the upstream face"
-        )
 
 
 def _upstream(config: WaterConfig, blocks: dict[str, Block], faces: list[WetFace], location: str) -> Floats:
@@ -202,16 +187,3 @@ def _upstream(config: WaterConfig, blocks: dict[str, Block], faces: list[WetFace
             f"horizontal part (length {size:.2g}, limit {_LEVEL:g}); give a direction such as [0, -1, 0]"
         )
     return np.asarray(upstream / size)
-
-
-def _refuse_behind(upstream: Floats, blocks: dict[str, Block], faces: list[WetFace], location: str) -> None:
-    """A prismatic reservoir starts at faces that look upstream."""
-    for k, face in enumerate(faces):
-        looks = facet_normals(blocks[face.block].points, face.facets) @ upstream
-        if looks.min() <= 0.0:
-            angle = np.degrees(np.arccos(looks.min()))
-            raise ConfigError(
-                f"{location}.faces[{k}]: {int((looks <= 0.0).sum())} of its {len(looks)} facets are not wet, "
-                f"they look away from the reservoir ({angle:.0f} degrees off {upstream.round(3).tolist()}, "
-                "limit 90); name the upstream face only, or correct `upstream`"
-            )

@@ -1,4 +1,4 @@
-"""A reservoir's own mesh, and which of its faces lies where: on the dam, at the level, on rock, at the end.
+"""The mesh of a reservoir, and which of its faces lies where: on the dam, at the level, on rock, at the end.
 
 Faces against the dam are found as those of mortar joints are: facets that look at each other and lie on each
 other, whose meshes need not match. The free surface is what lies at the level.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -17,7 +18,7 @@ from romdam.config.sections.places import FaceRef
 from romdam.config.sections.water import CLOSED, ReservoirMeshConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Material, Reservoir, Sound
+from romdam.core.scene import Block, Material, Reservoir
 from romdam.geometry.elements import ELEMENTS
 from romdam.geometry.facets import area_vectors, boundary_facets, facet_areas, facet_normals, row_numbers
 from romdam.geometry.meshes.files import MeshFiles
@@ -61,17 +62,63 @@ def reservoir_mesh(
     mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), location)
     refuse_wedges(mesh, "the water's own mesh is not made of", location)
     walls = boundary_facets(mesh.cells, mesh.element)
-    is_on = {"surface": _at_level(mesh, walls, water.level, location)}
-    _refuse_confined(mesh, np.unique(walls[is_on["surface"]]), location)
+    z = mesh.points[:, 2]
+    slack = _LEVEL * float(np.ptp(z))
+    at_level = np.asarray((np.abs(z[walls] - water.level) <= slack).all(axis=1))
+    if z.max() > water.level + slack or not at_level.any():
+        raise ConfigError(
+            f"{location}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free "
+            f"surface must lie at water.level, {water.level:g} m (within {slack:.2g} m; "
+            f"{int(at_level.sum())} of its facets do); mesh the water up to the level, or correct `level` "
+            "or `unit`"
+        )
+    _refuse_confined(mesh, np.unique(walls[at_level]), location)
     share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, location)
-    is_on["dam"] = share > _MOSTLY
-    is_on["end"] = _end(mesh, walls, config.end, f"{location}.end")
+    is_on = {
+        "surface": at_level,
+        "dam": share > _MOSTLY,
+        "end": _end(mesh, walls, config.end, f"{location}.end"),
+    }
     rest: Bools = ~np.logical_or.reduce(list(is_on.values()))
-    is_on["bottom"] = _bottom(mesh, walls, rest, config.bottom, location)
-    _refuse_twice(is_on, location)
-    _refuse_ceiling(mesh, walls[rest & ~is_on["bottom"] if config.bottom else rest], location)
+    normal_z = facet_normals(mesh.points, walls)[:, 2]
+    if config.bottom is not None:
+        named = [select_facets(mesh, f, f"{location}.bottom[{k}]") for k, f in enumerate(config.bottom)]
+        is_on["bottom"] = _among(walls, np.concatenate([walls[:0], *named]))
+    else:
+        is_on["bottom"] = rest & (np.abs(normal_z) > UPRIGHT)
+        upright = rest & ~is_on["bottom"]
+        log.info(
+            "%s.bottom: %d walls that lean more than 10 degrees, %.6g m2, reflect as `bottom_reflection` "
+            "says, and %d upright ones all",
+            location, is_on["bottom"].sum(), facet_areas(mesh.points, walls[is_on["bottom"]]).sum(),
+            upright.sum(),
+        )  # fmt: skip
+    for name, other in combinations(is_on, 2):
+        both = int((is_on[name] & is_on[other]).sum())
+        if both:
+            raise ConfigError(
+                f"{location}: {both} facets are both on the {name} and on the {other}, limit 0; correct the "
+                "groups of the file"
+            )
+    # a wall that looks up is a surface that is not level, or that does not reach the level
+    ceiling = (rest & ~is_on["bottom"] if config.bottom else rest) & (normal_z > _CEILING)
+    if ceiling.any():
+        at = ", ".join(f"{x:.6g}" for x in mesh.points[walls[ceiling][0]].mean(axis=0))
+        raise ConfigError(
+            f"{location}: the free surface is not level: {int(ceiling.sum())} facets look up and are not at "
+            f"water.level, one about ({at}), limit 0; mesh it flat, or name rock over the water in `bottom`"
+        )
     if water.sound is not None:
-        _say_coarse(mesh, water.sound, location)
+        element = ELEMENTS[mesh.element]
+        ends = mesh.points[mesh.cells[:, np.array(element.edges)]]
+        longest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max())
+        resolved = water.sound.speed / (PER_WAVE * longest) * (2.0 if element.quadratic else 1.0)
+        if resolved < water.sound.cutoff:
+            log.warning(
+                "%s: edges are up to %.3g m long, so that waves up to %.3g Hz have %g nodes in their length, "
+                "and water.cutoff is %g Hz; mesh finer, or lower water.cutoff",
+                location, longest, resolved, PER_WAVE, water.sound.cutoff,
+            )  # fmt: skip
     is_on["dam"] = share > _TOUCHED
     return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
 
@@ -80,20 +127,6 @@ def lying_on(water: Surface, dam: Surface) -> Segments:
     """Places where facets of the water and of the dam lie on each other."""
     between = segments(water, dam, _TOUCH)
     return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
-
-
-def _at_level(mesh: Block, walls: Ints, level: float, location: str) -> Bools:
-    z = mesh.points[:, 2]
-    slack = _LEVEL * float(np.ptp(z))
-    on = np.asarray((np.abs(z[walls] - level) <= slack).all(axis=1))
-    if z.max() > level + slack or not on.any():
-        raise ConfigError(
-            f"{location}: the water's mesh reaches from {z.min():.6g} to {z.max():.6g} m, and its free "
-            "surface "
-            f"must lie at water.level, {level:g} m (within {slack:.2g} m; {int(on.sum())} of its facets do); "
-            "mesh the water up to the level, or correct `level` or `unit`"
-        )
-    return on
 
 
 def _refuse_confined(mesh: Block, surface: Ints, location: str) -> None:
@@ -108,8 +141,8 @@ def _refuse_confined(mesh: Block, surface: Ints, location: str) -> None:
         at = ", ".join(f"{x:.6g}" for x in mesh.points[piece == lost[0]].mean(axis=0))
         raise ConfigError(
             f"{location}: {len(lost)} of the {count} parts of the water's mesh that share no node have no "
-            "free "
-            f"surface, limit 0, the first about ({at}); join the parts' nodes, or leave these out by `group`"
+            f"free surface, limit 0, the first about ({at}); join the parts' nodes, or leave these out by "
+            "`group`"
         )
 
 
@@ -117,7 +150,11 @@ def _share_on_dam(
     walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, location: str
 ) -> Floats:
     """Share of each facet that lies on the dam; each block's wet faces must be covered."""
-    wet, covered, apart = _wet_areas(blocks, water), dict.fromkeys(blocks, 0.0), 0.0
+    wet: dict[str, float] = {}  # of every block's faces below the level [m2]
+    for piece in wet_mesh(blocks, water).pieces:
+        vectors = piece.quadrature(blocks[piece.block].points)[2]
+        wet[piece.block] = wet.get(piece.block, 0.0) + float(np.linalg.norm(vectors, axis=2).sum())
+    covered, apart = dict.fromkeys(blocks, 0.0), 0.0
     touching = np.zeros(len(walls.facets))
     for face in water.faces:
         between = lying_on(walls, Surface(face.block, blocks[face.block].points, face.facets))
@@ -126,7 +163,15 @@ def _share_on_dam(
         apart = max(apart, float(np.abs(between.distance).max(initial=0.0)))
     for name, area in wet.items():
         if covered[name] == 0.0:
-            raise ConfigError(f"{location}: {_apart(walls, blocks[name])}")
+            distance, nearest = tree(blocks[name].points).query(walls.points)
+            closest = int(np.argmin(distance))
+            ends = walls.points[closest], blocks[name].points[nearest[closest]]
+            a, b = (", ".join(f"{x:.6g}" for x in end) for end in ends)
+            raise ConfigError(
+                f"{location}: the water's mesh does not touch the wet faces of block {name!r}: the smallest "
+                f"distance of their nodes is {distance[closest]:.6g} m, from ({a}) to ({b}), limit "
+                f"{_TOUCH:g} m; correct `unit`, or mesh the water up to the dam"
+            )
         if covered[name] < overlap * area:
             raise ConfigError(
                 f"{location}: the water's mesh lies on {covered[name]:.6g} of the {area:.6g} m2 of the wet "
@@ -138,26 +183,6 @@ def _share_on_dam(
         location, sum(covered.values()) / sum(wet.values()), sum(wet.values()), apart,
     )  # fmt: skip
     return np.asarray(touching / walls.areas)
-
-
-def _apart(walls: Surface, block: Block) -> str:
-    distance, nearest = tree(block.points).query(walls.points)
-    own = int(np.argmin(distance))
-    a, b = (", ".join(f"{x:.6g}" for x in at) for at in (walls.points[own], block.points[nearest[own]]))
-    return (
-        f"the water's mesh does not touch the wet faces of block {block.name!r}: the smallest distance of "
-        f"their nodes is {distance[own]:.6g} m, from ({a}) to ({b}), limit {_TOUCH:g} m; correct `unit`, or "
-        "mesh the water up to the dam"
-    )
-
-
-def _wet_areas(blocks: dict[str, Block], water: Reservoir) -> dict[str, float]:
-    """Area of every block's wet faces below the level [m2]."""
-    areas: dict[str, float] = {}
-    for piece in wet_mesh(blocks, water).pieces:
-        vectors = piece.quadrature(blocks[piece.block].points)[2]
-        areas[piece.block] = areas.get(piece.block, 0.0) + float(np.linalg.norm(vectors, axis=2).sum())
-    return areas
 
 
 def _end(mesh: Block, walls: Ints, face: FaceRef, location: str) -> Bools:
@@ -173,65 +198,12 @@ def _end(mesh: Block, walls: Ints, face: FaceRef, location: str) -> Bools:
         raise ConfigError(
             f"{location}: the end must be an upright plane, beyond which the channel goes on: its normal is "
             f"({direction}), and its nodes are up to {off:.2g} of its size off that plane, limit "
-            f"{_PLANE:g}; cut "
-            "the mesh off by an upright plane"
+            f"{_PLANE:g}; cut the mesh off by an upright plane"
         )
     return _among(walls, facets)
-
-
-def _bottom(mesh: Block, walls: Ints, rest: Bools, faces: tuple[FaceRef, ...] | None, location: str) -> Bools:
-    """True for facets that take waves up."""
-    if faces is not None:
-        named = [select_facets(mesh, face, f"{location}.bottom[{k}]") for k, face in enumerate(faces)]
-        return _among(walls, np.concatenate([walls[:0], *named]))
-    is_bottom: Bools = rest & (np.abs(facet_normals(mesh.points, walls)[:, 2]) > UPRIGHT)
-    log.info(
-        "%s.bottom: %d walls that lean more than 10 degrees, %.6g m2, reflect as `bottom_reflection` says, "
-        "and %d upright ones all",
-        location, is_bottom.sum(), facet_areas(mesh.points, walls[is_bottom]).sum(),
-        (rest & ~is_bottom).sum(),
-    )  # fmt: skip
-    return is_bottom
 
 
 def _among(walls: Ints, facets: Ints) -> Bools:
     """True for walls that are one of some facets."""
     number = row_numbers(np.sort(np.concatenate([walls, facets]), axis=1))
     return np.asarray(np.isin(number[: len(walls)], number[len(walls) :]))
-
-
-def _refuse_twice(is_on: dict[str, Bools], location: str) -> None:
-    names = list(is_on)
-    for k, name in enumerate(names):
-        for other in names[k + 1 :]:
-            both = int((is_on[name] & is_on[other]).sum())
-            if both:
-                raise ConfigError(
-                    f"{location}: {both} facets are both on the {name} and on the {other}, limit 0; "
-                    "correct the "
-                    "groups of the file"
-                )
-
-
-def _refuse_ceiling(mesh: Block, walls: Ints, location: str) -> None:
-    """Refuse walls that look up: a surface that is not level, or that does not reach the level."""
-    up = facet_normals(mesh.points, walls)[:, 2] > _CEILING
-    if up.any():
-        at = ", ".join(f"{x:.6g}" for x in mesh.points[walls[up][0]].mean(axis=0))
-        raise ConfigError(
-            f"{location}: the free surface is not level: {int(up.sum())} facets look up and are not at "
-            f"water.level, one about ({at}), limit 0; mesh it flat, or name rock over the water in `bottom`"
-        )
-
-
-def _say_coarse(mesh: Block, sound: Sound, location: str) -> None:
-    element = ELEMENTS[mesh.element]
-    ends = mesh.points[mesh.cells[:, np.array(element.edges)]]
-    longest = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max())
-    resolved = sound.speed / (PER_WAVE * longest) * (2.0 if element.quadratic else 1.0)
-    if resolved < sound.cutoff:
-        log.warning(
-            "%s: edges are up to %.3g m long, so that waves up to %.3g Hz have %g nodes in their length, and "
-            "water.cutoff is %g Hz; mesh finer, or lower water.cutoff",
-            location, longest, resolved, PER_WAVE, sound.cutoff,
-        )  # fmt: skip

@@ -9,16 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array, csr_matrix, diags_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.scene import Block, Bools, Ints, Reservoir
 from romdam.geometry.elements import ELEMENTS, Element, Floats, facet_element
 from romdam.geometry.meshes.kinds import facets_by_kind
-from romdam.geometry.nearest import tree
+from romdam.geometry.nearest import merge_near, tree
 
-_SAME = 1e-3  # of a piece's size, and metres: nodes so near are one, across joints too
-_BESIDE = 0.05  # of an edge, how far beside another it may be to lie on it
+_SAME = 1e-3  # of a piece's size, and metres: nodes so near are the same, across joints too
+_ASIDE = 0.05  # of an edge, how far aside of another it may be to lie on it
 _LEVEL = 1e-9  # of the depth: nodes so near to the level are on it
 
 
@@ -104,7 +103,8 @@ def wet_mesh(blocks: dict[str, Block], reservoir: Reservoir) -> WetMesh:
     ]
     corners = np.concatenate([x.reshape(-1, 3) for *_, x in raw])
     size = min(float(np.linalg.norm(x[:, 1] - x[:, 0], axis=1).min()) for *_, x in raw)
-    number, points = _merged(corners, min(_SAME, _SAME * size))
+    number = merge_near(corners, min(_SAME, _SAME * size))
+    points = corners[np.unique(number, return_index=True)[1]]
     ends = np.cumsum([x.shape[0] * x.shape[1] for *_, x in raw])[:-1]
     pieces = tuple(
         WetPieces(block, facets, xi, nodes.reshape(xi.shape[:2]))
@@ -164,48 +164,35 @@ def _opposite(points: Floats, edges: Ints, block: np.ndarray) -> Ints:
         start, along = ends[others, 0], ends[others, 1] - ends[others, 0]
         share = np.einsum("nk,nk->n", middle[i] - start, along) / np.maximum(length[others] ** 2, 1e-300)
         apart = np.linalg.norm(start + np.clip(share, 0.0, 1.0)[:, None] * along - middle[i], axis=1)
-        neighbours = others[(apart < _BESIDE * length[i]) & (share > 0.0) & (share < 1.0)]
+        neighbours = others[(apart < _ASIDE * length[i]) & (share > 0.0) & (share < 1.0)]
         meetings.append(np.stack([np.full(len(neighbours), i), neighbours], axis=1))
     return np.concatenate(meetings)
-
-
-def _merged(points: Floats, tolerance: float) -> tuple[Ints, Floats]:
-    """Number of every point, and the distinct points."""
-    pairs = tree(points).query_pairs(tolerance, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points),) * 2)
-    number = connected_components(graph, directed=False)[1].astype(np.int64)
-    _, first = np.unique(number, return_index=True)
-    return number, points[first]
 
 
 def _below(points: Floats, facets: Ints, reservoir: Reservoir) -> list[tuple[Ints, Floats, Floats]]:
     """(facets, xi, positions) of pieces below the level: whole facets, then triangles of those it cuts."""
     element, slack = facet_element(facets), _LEVEL * reservoir.depth
-    c = element.corners
+    c, level = element.corners, reservoir.level
     height = points[facets[:, :c], 2]
-    whole = (height <= reservoir.level + slack).all(axis=1)
-    cut = ~whole & (height < reservoir.level - slack).any(axis=1)
-    parts_below = []
+    whole = (height <= level + slack).all(axis=1)
+    cut = ~whole & (height < level - slack).any(axis=1)
+    pieces_below = []
     if whole.any():
         xi = np.broadcast_to(element.nodes[:c], (int(whole.sum()), c, 2))
-        parts_below.append((facets[whole], xi, points[facets[whole][:, :c]]))
-    triangles = [
-        (facet, tri)
-        for facet in facets[cut]
-        for tri in _fan(np.hstack([element.nodes[:c], points[facet[:c]]]), reservoir.level)
-    ]
+        pieces_below.append((facets[whole], xi, points[facets[whole][:, :c]]))
+    cut_facets, triangles = [], []
+    for facet in facets[cut]:
+        ring = np.hstack([element.nodes[:c], points[facet[:c]]])  # corners (c, 5): xi, x, y, z
+        kept: list[Floats] = []
+        for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            if a[4] <= level:
+                kept.append(a)
+            if (a[4] - level) * (b[4] - level) < 0.0:
+                kept.append(a + (level - a[4]) / (b[4] - a[4]) * (b - a))
+        for k in range(1, len(kept) - 1):
+            cut_facets.append(facet)
+            triangles.append(np.array([kept[0], kept[k], kept[k + 1]]))
     if triangles:
-        corner = np.array([tri for _, tri in triangles])
-        parts_below.append((np.array([facet for facet, _ in triangles]), corner[..., :2], corner[..., 2:]))
-    return parts_below
-
-
-def _fan(ring: Floats, level: float) -> list[Floats]:
-    """Triangles (3, 5) of the part of a ring of corners (c, 5: xi, x, y, z) that is below the level."""
-    kept: list[Floats] = []
-    for a, b in zip(ring, np.roll(ring, -1, axis=0), strict=True):
-        if a[4] <= level:
-            kept.append(a)
-        if (a[4] - level) * (b[4] - level) < 0.0:
-            kept.append(a + (level - a[4]) / (b[4] - a[4]) * (b - a))
-    return [np.array([kept[0], kept[k], kept[k + 1]]) for k in range(1, len(kept) - 1)]
+        corner = np.array(triangles)
+        pieces_below.append((np.array(cut_facets), corner[..., :2], corner[..., 2:]))
+    return pieces_below

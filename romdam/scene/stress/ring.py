@@ -16,8 +16,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
 from romdam.geometry.elements import ELEMENTS, Floats, facet_element
@@ -30,10 +28,10 @@ from romdam.geometry.facets import (
     row_numbers,
 )
 from romdam.geometry.meshes.kinds import facets_by_kind, frame
-from romdam.geometry.nearest import tree
+from romdam.geometry.nearest import merge_near, tree
 
 _FLAT = 20.0  # degrees beyond 180 that a curved face of straight facets may enclose
-_SAME = 1e-6  # of the scene's size: nodes as near as that are one
+_SAME = 1e-6  # of the scene's size: nodes as near as that are the same
 _ROUNDING = 1e-6  # of a ring's radius
 
 
@@ -79,9 +77,13 @@ def singular_edges(
     first = np.flatnonzero(np.r_[True, (np.diff(edges, axis=0) != 0).any(axis=1)][: len(edges)])
     count = np.diff(np.r_[first, len(edges)])
     pair = np.stack([order[first], order[first + np.minimum(count, 2) - 1]])
-    counts = (
-        (count != 2) | (outline.material[pair[0]] != outline.material[pair[1]]) | _reentrant(outline, pair)
-    )
+    first_facet, other = pair
+    # two facets enclose more than 180 degrees of material, more than those of a curved face do
+    turn = (outline.normal[first_facet] * outline.normal[other]).sum(axis=1)
+    away = outline.middle[other] - outline.middle[first_facet]
+    towards = (outline.normal[first_facet] * away).sum(axis=1)
+    reentrant = (towards > 0.0) & (turn < np.cos(np.deg2rad(_FLAT)))
+    counts = (count != 2) | (outline.material[first_facet] != outline.material[other]) | reentrant
     depth = np.minimum.reduceat(outline.depth[order], first) if len(first) else np.zeros(0)
     return outline.points[edges[first[counts]]], depth[counts]
 
@@ -121,68 +123,55 @@ def near_contacts(block: Block, nodes: Ints, joints: Iterable[Joint], held: Bool
     return np.isin(nodes, on) | (distance <= radius * (1.0 + _ROUNDING))
 
 
-def _reentrant(outline: Outline, pair: Ints) -> Bools:
-    """Tell whether two facets enclose more than 180 degrees of material, as curved faces do not."""
-    first, other = pair
-    turn = (outline.normal[first] * outline.normal[other]).sum(axis=1)
-    towards = (outline.normal[first] * (outline.middle[other] - outline.middle[first])).sum(axis=1)
-    return np.asarray((towards > 0.0) & (turn < np.cos(np.deg2rad(_FLAT))))
-
-
 def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mapping[str, Bools]) -> Outline:
     points = np.concatenate([block.points for block in blocks.values()])
-    number = np.split(_numbers(points), np.cumsum([len(block.points) for block in blocks.values()])[:-1])
+    numbers = merge_near(points, _SAME * float(np.ptp(points, axis=0).max()))
+    number = np.split(numbers, np.cumsum([len(block.points) for block in blocks.values()])[:-1])
     facets = [boundary_facets(block.cells, block.element) for block in blocks.values()]
     corners = [
-        _corners(block_facets, block) for block_facets, block in zip(facets, blocks.values(), strict=True)
+        block_facets[:, : ELEMENTS[frame(block.element).facet].corners]
+        for block_facets, block in zip(facets, blocks.values(), strict=True)
     ]
-    covered = _covered([block_facets[at] for block_facets, at in zip(number, corners, strict=True)])
-    stiffness = list(dict.fromkeys((block.material.E, block.material.nu) for block in blocks.values()))
-    rows = []
-    for k, (name, block) in enumerate(blocks.items()):
-        held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
-        free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
-        material = stiffness.index((block.material.E, block.material.nu))
-        rows += [
-            _edge_rows(block, block_facets, number[k], material)
-            for _, block_facets, _ in facets_by_kind(facets[k][free])
-        ]
-    at = np.concatenate(number)
-    merged = np.zeros((int(at.max()) + 1, 3))
-    merged[at] = points
-    return Outline(merged, *(np.concatenate(column) for column in zip(*rows, strict=True)))
 
-
-def _corners(facets: Ints, block: Block) -> Ints:
-    return facets[:, : ELEMENTS[frame(block.element).facet].corners]
-
-
-def _edge_rows(
-    block: Block, facets: Ints, number: Ints, material: int
-) -> tuple[Ints, Floats, Floats, Floats, Ints]:
-    """Edges, normals, middles, depths and material of a block's free facets, one row for each edge."""
-    sides = facet_element(facets).corners
-    corners = facets[:, :sides]
-    pairs = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # (nf, sides, 2)
-    length = np.linalg.norm(block.points[pairs[..., 1]] - block.points[pairs[..., 0]], axis=2)
-    normal = area_vectors(block.points, facets).sum(axis=1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    depth = facet_areas(block.points, facets)[:, None] * (2.0 if sides == 3 else 1.0) / length
-    spread = [np.repeat(values, sides, axis=0) for values in (normal, block.points[corners].mean(axis=1))]
-    edges = np.sort(number[pairs.reshape(-1, 2)], axis=1)
-    return edges, *spread, depth.ravel(), np.full(len(edges), material)
-
-
-def _covered(corners: list[Ints]) -> list[Bools]:
-    """Block after block, True for boundary facets that coincide with one of another block."""
+    # block after block, True for boundary facets that coincide with those of another block
     widest = max(block_corners.shape[1] for block_corners in corners)
     padded = [
-        np.pad(block_corners, ((0, 0), (0, widest - block_corners.shape[1])), mode="edge")
-        for block_corners in corners
+        np.pad(block_number[at], ((0, 0), (0, widest - at.shape[1])), mode="edge")
+        for block_number, at in zip(number, corners, strict=True)
     ]
     keys = row_numbers(facet_keys(np.concatenate(padded)))
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    return np.split(counts[inverse] > 1, np.cumsum([len(block_corners) for block_corners in corners])[:-1])
+    covered = np.split(counts[inverse] > 1, np.cumsum([len(at) for at in corners])[:-1])
+
+    stiffness = list(dict.fromkeys((block.material.E, block.material.nu) for block in blocks.values()))
+    edges, normals, middles, depths, materials = [], [], [], [], []
+    for k, (name, block) in enumerate(blocks.items()):
+        held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
+        free = ~(covered[k] | held | _linked(block, facets[k], links, np.asarray(fixed[name].any(axis=1))))
+        for _, kind_facets, _ in facets_by_kind(facets[k][free]):
+            sides = facet_element(kind_facets).corners
+            ring = kind_facets[:, :sides]
+            pairs = np.stack([ring, np.roll(ring, -1, axis=1)], axis=2)  # (nf, sides, 2)
+            length = np.linalg.norm(block.points[pairs[..., 1]] - block.points[pairs[..., 0]], axis=2)
+            normal = area_vectors(block.points, kind_facets).sum(axis=1)
+            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+            area = facet_areas(block.points, kind_facets)[:, None]
+            edges.append(np.sort(number[k][pairs.reshape(-1, 2)], axis=1))
+            normals.append(np.repeat(normal, sides, axis=0))
+            middles.append(np.repeat(block.points[ring].mean(axis=1), sides, axis=0))
+            depths.append((area * (2.0 if sides == 3 else 1.0) / length).ravel())
+            material = stiffness.index((block.material.E, block.material.nu))
+            materials.append(np.full(len(edges[-1]), material))
+    merged = np.zeros((int(numbers.max()) + 1, 3))
+    merged[numbers] = points
+    return Outline(
+        merged,
+        np.concatenate(edges),
+        np.concatenate(normals),
+        np.concatenate(middles),
+        np.concatenate(depths),
+        np.concatenate(materials),
+    )
 
 
 def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -> Bools:
@@ -190,7 +179,8 @@ def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -
 
     Corners that supports hold have no gaps: then the facet's normal must be that of the gaps nearby.
     """
-    corners, linked = _corners(facets, block), np.zeros(len(facets), dtype=bool)
+    corners = facets[:, : ELEMENTS[frame(block.element).facet].corners]
+    linked = np.zeros(len(facets), dtype=bool)
     for link in links:
         for owner, nodes in zip(link.blocks, link.nodes, strict=True):
             if owner != block.name:
@@ -204,10 +194,3 @@ def _linked(block: Block, facets: Ints, links: list[Joint | Tie], held: Bools) -
                 along = np.abs((normal * link.axes[nearest, 0]).sum(axis=1))
                 linked[partly[along > np.cos(np.deg2rad(_FLAT))]] = True
     return linked
-
-
-def _numbers(points: Floats) -> Ints:
-    """One number for all points at one place."""
-    near = tree(points).query_pairs(_SAME * float(np.ptp(points, axis=0).max()), output_type="ndarray")
-    graph = coo_array((np.ones(len(near)), (near[:, 0], near[:, 1])), shape=(len(points),) * 2)
-    return np.asarray(connected_components(graph, directed=False)[1])

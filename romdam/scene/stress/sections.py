@@ -13,13 +13,13 @@ area has a kink; forces of gaps, which begin and end anywhere, are counted by th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Ints, Joint, JointFace, Section
+from romdam.core.scene import Block, Bools, Ints, Joint, Section
 from romdam.geometry.elements import Floats
 from romdam.geometry.facets import below
 from romdam.geometry.meshes.kinds import frame
@@ -29,7 +29,7 @@ _APART = 0.5  # of a cell's height, at least, from level to level
 _ON = 1e-6  # of the blocks' height: what is on the plane
 _ASIDE = 1e-9  # of the blocks' height: how far from nodes on the plane its area is taken
 _FEWEST = 3  # windows between levels, below which a kink is passed over
-_NEAR = 1e-3  # of a cell's height: where the area's slope is taken beside a level
+_NEAR = 1e-3  # of a cell's height: where the area's slope is taken near a level
 _KINK = 0.02  # of the area, what its slope changes by over a cell's height
 _TETRAHEDRA = {  # that fill a cell, by its number of corners
     4: np.array([(0, 1, 2, 3)]),
@@ -57,16 +57,34 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     chosen = {key: blocks[key] for key in (blocks if config.blocks == "all" else config.blocks)}
     if not chosen:
         raise ConfigError(f"{location}.blocks: names no block; name those that the plane cuts, or write all")
-    axes, point = _axes(np.array(config.normal), location), np.array(config.point)
+    # the first axis in the plane is as near as can be to x, or to y where the normal is x
+    length = float(np.linalg.norm(config.normal))
+    if length == 0.0:
+        raise ConfigError(f"{location}.normal: must have a length, got 0, 0, 0; for example [0, 0, 1]")
+    normal = np.array(config.normal) / length
+    first = np.eye(3)[1 if abs(normal[0]) > _UPRIGHT else 0]
+    first = first - (first @ normal) * normal
+    first /= np.linalg.norm(first)
+    axes, point = np.stack([normal, first, np.cross(normal, first)]), np.array(config.point)
+
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
     levels = _levels(chosen, height, location)
-    step, arm = (
-        {key: _above(heights, levels, degree) for key, heights in height.items()} for degree in (0, 1)
-    )
+    step = {key: _above(heights, levels, 0) for key, heights in height.items()}
+    arm = {key: _above(heights, levels, 1) for key, heights in height.items()}
+
+    # area, centroid (3,) and second moments (3, 3) about it of the plane's triangles
     triangles = _cut(chosen, height, _aside(height))
-    area, centroid, second = _shape(triangles)
-    sides = _sides(triangles.reshape(-1, 3), axes, centroid)
-    return Section(name, step, arm, axes, centroid, area, axes[1:] @ second @ axes[1:].T, sides)
+    area = _areas(triangles)
+    centroid = area @ triangles.mean(axis=1) / area.sum()
+    y = triangles - centroid
+    corners, whole = np.einsum("t,tik,til->kl", area, y, y), y.sum(axis=1)
+    second = (corners + np.einsum("t,tk,tl->kl", area, whole, whole)) / 12.0
+
+    # ends through the centroid along either axis in the plane, (4, 3)
+    along = (triangles.reshape(-1, 3) - centroid) @ axes[1:].T
+    reach = np.stack([along.min(axis=0), along.max(axis=0)], axis=1)  # (axis, end)
+    sides = centroid + (reach[:, :, None] * axes[1:, None, :]).reshape(4, 3)
+    return Section(name, step, arm, axes, centroid, float(area.sum()), axes[1:] @ second @ axes[1:].T, sides)
 
 
 def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> Floats:
@@ -75,57 +93,38 @@ def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> F
     Where the plane cuts the facets around a gap, the force is spread over them as pressure that is linear
     between gaps.
     """
-    aside = _aside({name: _heights(blocks[name].points, section) for name in section.step})
-    step = (_heights(joint.position, section) > aside).astype(float)
+    normal = section.axes[0]
+    aside = _aside({name: (blocks[name].points - section.centroid) @ normal for name in section.step})
+    step = ((joint.position - section.centroid) @ normal > aside).astype(float)
     if joint.face is None:
         return step
-    height = _heights(blocks[joint.face.block].points, section)
+    points = blocks[joint.face.block].points
+    height = (points - section.centroid) @ normal
     whole, above = np.zeros((2, len(height)))
     cut = np.zeros(len(height), dtype=bool)
-    for corners, size in _facet_triangles(joint.face, blocks):
-        heights = height[corners]
-        whole[corners] += size / 3.0
-        cut[corners] |= heights.min() <= aside < heights.max()
-        for triangle in (
-            below(np.eye(3), aside - heights) if heights.max() > aside else ()
-        ):  # in barycentric coordinates
-            above[corners] += size * abs(np.linalg.det(triangle)) * triangle.mean(axis=0)
-    areas = cut[joint.corner]
-    step[areas] = (above / np.maximum(whole, 1e-300))[joint.corner[areas]]
+    for facets in joint.face.facets:
+        # quadrilaterals are halved both ways, so that every half counts half
+        halves = _HALVES if facets.shape[1] == 4 else ((0, 1, 2),)
+        for half in halves:
+            triangles = facets[:, list(half)]
+            areas = _areas(points[triangles]) * (2.0 / max(len(halves), 2))
+            for corners, size in zip(triangles, areas, strict=True):
+                heights = height[corners]
+                whole[corners] += size / 3.0
+                cut[corners] |= heights.min() <= aside < heights.max()
+                if heights.max() > aside:
+                    for triangle in below(np.eye(3), aside - heights):  # in barycentric coordinates
+                        above[corners] += size * abs(np.linalg.det(triangle)) * triangle.mean(axis=0)
+    is_cut = cut[joint.corner]
+    step[is_cut] = (above / np.maximum(whole, 1e-300))[joint.corner[is_cut]]
     return step
 
 
-def _facet_triangles(face: JointFace, blocks: Mapping[str, Block]) -> Iterator[tuple[Ints, float]]:
-    """Corner triangles of a joint's facets and their areas, halves of quadrilaterals both ways [m2]."""
-    points = blocks[face.block].points
-    for facets in face.facets:
-        halves = _HALVES if facets.shape[1] == 4 else ((0, 1, 2),)
-        for corners in (facets[:, list(half)] for half in halves):
-            areas = _areas(points[corners]) * (2.0 / max(len(halves), 2))
-            yield from zip(corners, areas, strict=True)
-
-
-def _heights(points: Floats, section: Section) -> Floats:
-    return np.asarray((points - section.centroid) @ section.axes[0])
-
-
 def _aside(height: Mapping[str, Floats]) -> float:
-    """Distance that takes what is on the plane below it; above it, at the blocks' own end [m]."""
+    """Distance that takes what is on the plane below it; above it, at the end of the blocks [m]."""
     whole = np.concatenate(list(height.values()))
     aside = _ASIDE * float(np.ptp(whole))
     return aside if whole.max() > aside else -aside
-
-
-def _axes(normal: Floats, location: str) -> Floats:
-    """Normal, and two axes in the plane: the first as near as can be to x, or to y where the normal is x."""
-    length = float(np.linalg.norm(normal))
-    if length == 0.0:
-        raise ConfigError(f"{location}.normal: must have a length, got 0, 0, 0; for example [0, 0, 1]")
-    normal = normal / length
-    first = np.eye(3)[1 if abs(normal[0]) > _UPRIGHT else 0]
-    first = first - (first @ normal) * normal
-    first /= np.linalg.norm(first)
-    return np.stack([normal, first, np.cross(normal, first)])
 
 
 def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location: str) -> Floats:
@@ -138,15 +137,21 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location:
     if not met.any():
         raise ConfigError(
             f"{location}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to "
-            f"{high:.6g} "
-            "m along the normal from `point`; move `point`, or name the blocks that it cuts"
+            f"{high:.6g} m along the normal from `point`; move `point`, or name the blocks that it cuts"
         )
     size = _APART * float(np.median((top - bottom)[met]))
     levels = np.unique(np.concatenate([c.ravel() for c in corners.values()]))
     under = _spaced(levels[levels <= on][::-1], size)
     above = _spaced(levels[levels > under[0] + size], size)
     around = np.r_[under[::-1], above]
-    kinks = np.array([_is_kink(blocks, height, level, size) for level in around])
+    # at a kink within the blocks their area changes its slope, or itself
+    kinks, near = np.zeros(len(around), dtype=bool), _NEAR * size
+    for k, level in enumerate(around):
+        low_area, area, high_area = (
+            _areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near)
+        )
+        change = abs(low_area - 2.0 * area + high_area) * size
+        kinks[k] = min(low_area, high_area) > 0.0 and change > _KINK * area * near
     first, last = _between_kinks(around, kinks, on)
     under, above = under[under >= around[first]], above[above <= around[last]]
     least = _WINDOWS // 2 + (abs(under[0]) <= on)
@@ -169,13 +174,6 @@ def _between_kinks(levels: Floats, kinks: Bools, on: float) -> tuple[int, int]:
     if abs(levels[low]) <= on and low - lower >= _FEWEST:
         return int(lower), int(low)
     return 0, len(levels) - 1
-
-
-def _is_kink(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float, size: float) -> bool:
-    """Tell whether the blocks' area changes its slope, or itself, at a level within them."""
-    near = _NEAR * size
-    low, here, high = (_areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near))
-    return min(low, high) > 0.0 and abs(low - 2.0 * here + high) * size > _KINK * here * near
 
 
 def _spaced(levels: Floats, size: float) -> Floats:
@@ -214,44 +212,28 @@ def stepping_cells(block: Block, step: Floats) -> Ints:
 
 
 def _cut(blocks: Mapping[str, Block], height: Mapping[str, Floats], level: float) -> Floats:
-    """Triangles (t, 3, 3) that the plane at a level cuts out of blocks [m]."""
-    return np.concatenate([_triangles(block, height[key] - level) for key, block in blocks.items()])
+    """Triangles (t, 3, 3) that the plane at a level cuts out of blocks [m].
 
-
-def _triangles(block: Block, height: Floats) -> Floats:
-    """Triangles (t, 3, 3) that the plane cuts out of a block's cells, as tetrahedra of their corners [m]."""
-    cells = block.cells[:, : frame(block.element).corners]
-    sides = height[cells] > 0.0
-    cells = cells[sides.any(axis=1) & ~sides.all(axis=1)]
-    tets = cells[:, _TETRAHEDRA[cells.shape[1]]].reshape(-1, 4)
-    tets = np.take_along_axis(tets, np.argsort(height[tets], axis=1), axis=1)
-    above = (height[tets] > 0.0).sum(axis=1)
+    Cells are filled with tetrahedra of their corners.
+    """
     triangles = [np.zeros((0, 3, 3))]
-    for count, edges in _CUTS.items():
-        ends = tets[above == count][:, np.array(edges)]  # (tets, triangles, 3, 2)
-        low, high = height[ends[..., 0]], height[ends[..., 1]]
-        share = (low / (low - high))[..., None]
-        points = (1.0 - share) * block.points[ends[..., 0]] + share * block.points[ends[..., 1]]
-        triangles.append(points.reshape(-1, 3, 3))
+    for key, block in blocks.items():
+        above_plane = height[key] - level
+        cells = block.cells[:, : frame(block.element).corners]
+        sides = above_plane[cells] > 0.0
+        cells = cells[sides.any(axis=1) & ~sides.all(axis=1)]
+        tets = cells[:, _TETRAHEDRA[cells.shape[1]]].reshape(-1, 4)
+        tets = np.take_along_axis(tets, np.argsort(above_plane[tets], axis=1), axis=1)
+        above = (above_plane[tets] > 0.0).sum(axis=1)
+        for count, edges in _CUTS.items():
+            ends = tets[above == count][:, np.array(edges)]  # (tets, triangles, 3, 2)
+            low, high = above_plane[ends[..., 0]], above_plane[ends[..., 1]]
+            share = (low / (low - high))[..., None]
+            points = (1.0 - share) * block.points[ends[..., 0]] + share * block.points[ends[..., 1]]
+            triangles.append(points.reshape(-1, 3, 3))
     return np.concatenate(triangles)
-
-
-def _shape(triangles: Floats) -> tuple[float, Floats, Floats]:
-    """Area, centroid (3,) and second moments (3, 3) about it of triangles (t, 3, 3)."""
-    area = _areas(triangles)
-    centroid = area @ triangles.mean(axis=1) / area.sum()
-    y = triangles - centroid
-    corners, whole = np.einsum("t,tik,til->kl", area, y, y), y.sum(axis=1)
-    return float(area.sum()), centroid, (corners + np.einsum("t,tk,tl->kl", area, whole, whole)) / 12.0
 
 
 def _areas(triangles: Floats) -> Floats:
     a, b, c = np.moveaxis(triangles, 1, 0)
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
-
-
-def _sides(points: Floats, axes: Floats, centroid: Floats) -> Floats:
-    """The section's ends through its centroid along either axis, (4, 3) [m]."""
-    along = (points - centroid) @ axes[1:].T
-    reach = np.stack([along.min(axis=0), along.max(axis=0)], axis=1)  # (axis, end)
-    return centroid + (reach[:, :, None] * axes[1:, None, :]).reshape(4, 3)

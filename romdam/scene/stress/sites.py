@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from romdam.config.sections.stress import RingConfig, StressConfig
+from romdam.config.sections.stress import StressConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import MOST_RING, Block, Bools, Ints, Joint, StressFace, StressNodes, StressSites, Tie
-from romdam.geometry.elements import Floats
 from romdam.geometry.facets import gap_weights, node_normals
 from romdam.scene.select import nearest_node, select_facets
 from romdam.scene.stress.ring import near_contacts, near_edges, singular_edges
@@ -49,10 +48,11 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
         return None
     blocks, joints = structure.blocks, structure.joints
     whole = list(blocks) if config.blocks == "all" else list(config.blocks)
-    faces = [
-        (face.block, _face_name(face.block, face.face), select_facets(blocks[face.block], face.face, at))
-        for face, at in ((f, f"{location}.faces[{k}].face") for k, f in enumerate(config.faces))
-    ]
+    faces = []
+    for k, face in enumerate(config.faces):
+        facets = select_facets(blocks[face.block], face.face, f"{location}.faces[{k}].face")
+        plane = face.face if isinstance(face.face, str) else f"{face.face.axis}={face.face.at:g}"
+        faces.append((face.block, f"{face.block}.{plane}", facets))
     names = [name for _, name, _ in faces]
     for name in names:
         if names.count(name) > 1:
@@ -75,35 +75,29 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
             sites[name] = _with_axes(
                 block, np.unique(np.concatenate([_NO_NODES, *wanted])), block_facets, joints
             )
+
+    # nodes in the rings around singular edges and contacts
+    links = (*joints.values(), *structure.ties)
+    ends, depth = singular_edges(blocks, links, structure.fixed)
+    radius = depth if config.ring.edges is None else np.full(len(depth), config.ring.edges)
+    for name, nodes in sites.items():
+        held = np.asarray(structure.fixed[name].any(axis=1))
+        ring = near_edges(blocks[name].points[nodes.nodes], ends, radius)
+        ring |= near_contacts(blocks[name], nodes.nodes, joints.values(), held, config.ring.contacts)
+        sites[name] = replace(nodes, ring=ring)
+
+    stress_faces = []
+    for owner, name, facets in faces:
+        face_nodes, *_, area, _ = gap_weights(blocks[owner].points, facets)
+        stress_faces.append(StressFace(name, owner, np.searchsorted(sites[owner].nodes, face_nodes), area))
     stress = StressSites(
-        blocks=_with_rings(sites, structure, config.ring),
-        faces=tuple(_face(sites[owner], blocks[owner], name, facets) for owner, name, facets in faces),
+        blocks=sites,
+        faces=tuple(stress_faces),
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
         sections=sections,
     )
-    _say_rings(stress, location)
-    return stress
-
-
-def _with_rings(
-    sites: dict[str, StressNodes], structure: Structure, ring: RingConfig
-) -> dict[str, StressNodes]:
-    ends, depth = singular_edges(
-        structure.blocks, (*structure.joints.values(), *structure.ties), structure.fixed
-    )
-    radius = depth if ring.edges is None else np.full(len(depth), ring.edges)
-    rings = {}
-    for name, nodes in sites.items():
-        block, joints = structure.blocks[name], structure.joints.values()
-        rings[name] = near_edges(block.points[nodes.nodes], ends, radius)
-        held = np.asarray(structure.fixed[name].any(axis=1))
-        rings[name] |= near_contacts(block, nodes.nodes, joints, held, ring.contacts)
-    return {name: replace(nodes, ring=rings[name]) for name, nodes in sites.items()}
-
-
-def _say_rings(sites: StressSites, location: str) -> None:
-    shares = zip(sites.faces, sites.ring_shares, strict=True)
+    shares = zip(stress.faces, stress.ring_shares, strict=True)
     mostly = [f"{face.name} ({100 * share:.3g} %)" for face, share in shares if share > MOST_RING]
     if mostly:
         _log.warning(
@@ -111,39 +105,16 @@ def _say_rings(sites: StressSites, location: str) -> None:
             "there; refine the mesh, or give ring.edges a smaller length",
             location, 100 * MOST_RING, ", ".join(mostly),
         )  # fmt: skip
-
-
-def _face_name(block: str, face: object) -> str:
-    if isinstance(face, str):
-        return f"{block}.{face}"
-    return f"{block}.{face.axis}={face.at:g}"  # type: ignore[attr-defined]
-
-
-def _face(sites: StressNodes, block: Block, name: str, facets: Ints) -> StressFace:
-    nodes, *_, area, _ = gap_weights(block.points, facets)
-    return StressFace(name, block.name, np.searchsorted(sites.nodes, nodes), area)
+    return stress
 
 
 def _with_axes(block: Block, nodes: Ints, faces: list[Ints], joints: dict[str, Joint]) -> StressNodes:
-    """Axes from the stress faces' normals; off them the vertical, and across the nearest joints."""
-    up = np.tile(_UP, (len(nodes), 1))
-    arch = _across_joints(block, nodes, joints)
-    for facets in faces:
-        rows = np.searchsorted(nodes, np.unique(facets))
-        normal = node_normals(block.points, facets)[nodes[rows]]
-        tangent = np.cross(_UP, normal)
-        steep = np.linalg.norm(tangent, axis=1) > _LEVEL  # a horizontal face has no arch direction
-        rows, normal, tangent = rows[steep], normal[steep], tangent[steep]
-        arch[rows] = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
-        up[rows] = np.cross(normal, arch[rows])
-    return StressNodes(nodes, up, arch)
+    """Axes from the stress faces' normals; off them the vertical, and across the nearest joints.
 
-
-def _across_joints(block: Block, nodes: Ints, joints: dict[str, Joint]) -> Floats:
-    """Horizontal normals of the block's joints, weighted by the inverse distance to each joint's mean plane.
-
-    Between two radial joints that turns evenly from one normal to the other.
+    Across the joints are their horizontal normals, weighted by the inverse distance to each joint's mean
+    plane. Between two radial joints that turns evenly from one normal to the other.
     """
+    up = np.tile(_UP, (len(nodes), 1))
     total = np.zeros((len(nodes), 3))
     for joint in joints.values():
         if block.name not in joint.blocks:
@@ -157,4 +128,14 @@ def _across_joints(block: Block, nodes: Ints, joints: dict[str, Joint]) -> Float
         distance = np.abs((block.points[nodes] - joint.position.mean(axis=0)) @ normal)
         total += normal / (distance + 1e-6 * np.ptp(block.points, axis=0).max())[:, None]
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.full_like(total, np.nan), where=length > 0.0)
+    arch = np.divide(total, length, out=np.full_like(total, np.nan), where=length > 0.0)
+
+    for facets in faces:
+        rows = np.searchsorted(nodes, np.unique(facets))
+        normal = node_normals(block.points, facets)[nodes[rows]]
+        tangent = np.cross(_UP, normal)
+        steep = np.linalg.norm(tangent, axis=1) > _LEVEL  # a horizontal face has no arch direction
+        rows, normal, tangent = rows[steep], normal[steep], tangent[steep]
+        arch[rows] = tangent / np.linalg.norm(tangent, axis=1, keepdims=True)
+        up[rows] = np.cross(normal, arch[rows])
+    return StressNodes(nodes, up, arch)
