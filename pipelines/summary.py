@@ -20,7 +20,7 @@ from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
 from romdam.results.suite.rows import Kept, Row, row_values
 from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
-from romdam.results.suite.tables import refuse_without_xlsx, write_tables
+from romdam.results.table import refuse_without_xlsx, write_tables
 from romdam.results.variables import Case
 
 

@@ -31,10 +31,9 @@ from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_cont
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.components import check_components
 from romdam.records.record_set import Loaded, usable_apart
-from romdam.results.suite.design import design_dataset, varied_keys
+from romdam.results.suite.design import design_dataset, no_factors, scale_count, scale_factors, varied_keys
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row, source_of_rows
-from romdam.results.suite.scaling import no_factors, scale_count, scale_factors
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from romdam.config.sections.job import Config
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
-from romdam.core.scene import Joint, Scene
+from romdam.core.scene import Joint, Scene, StressSites
 from romdam.core.system import History
 from romdam.postprocess.stress.summary import StressSummary
 
@@ -38,7 +38,7 @@ def upstream_of(config: Config, scene: Scene) -> Floats | None:
 
 @dataclass(frozen=True)
 class Case:
-    """One computed ground motion: what every variable is made from; no `stress` where none is asked for."""
+    """One computed ground motion, from which every variable follows; `stress` is None without stress."""
 
     scene: Scene
     motion: GroundMotion
@@ -51,9 +51,63 @@ class Case:
         return list(self.scene.joints.values())
 
     @property
-    def frictional(self) -> bool:
-        """True where slip and shear force exist."""
+    def sites(self) -> StressSites:
+        """Where stress is computed; only of a case with `stress`."""
+        assert self.scene.stress is not None
+        return self.scene.stress
+
+    @property
+    def stress_summary(self) -> StressSummary:
+        """`stress` of a case that has it."""
+        assert self.stress is not None
+        return self.stress
+
+    # The conditions below are values of `Variable.when`. Variables with the very same condition are in a file
+    # together or not at all, see `romdam.results.checking`.
+
+    def has_joints(self) -> bool:
+        """Tell whether the scene has joints."""
+        return bool(self.scene.joints)
+
+    def has_friction(self) -> bool:
+        """Tell whether slip and shear force exist."""
         return self.history.jump.shape[2] == 3
+
+    def carries_shear(self) -> bool:
+        """Tell whether the laws of the joints state a shear strength."""
+        return self.history.strength.size > 0
+
+    def has_water_in_joints(self) -> bool:
+        """Tell whether water presses in some joint."""
+        return any(joint.water.any() for joint in self.joints)
+
+    def has_probes(self) -> bool:
+        """Tell whether there are output nodes."""
+        return bool(self.scene.probes)
+
+    def has_moving_supports(self) -> bool:
+        """Tell whether supports move differently from the base."""
+        return self.scene.moving is not None
+
+    def has_stress(self) -> bool:
+        """Tell whether stress was computed."""
+        return self.stress is not None
+
+    def has_stress_duration(self) -> bool:
+        """Tell whether durations above the tensile strength were computed."""
+        return self.stress is not None and self.stress.duration is not None
+
+    def has_stress_faces(self) -> bool:
+        """Tell whether stress was computed on whole faces."""
+        return self.stress is not None and bool(self.sites.faces)
+
+    def has_stress_probes(self) -> bool:
+        """Tell whether there are nodes with histories of stress."""
+        return self.stress is not None and bool(self.sites.probes)
+
+    def has_sections(self) -> bool:
+        """Tell whether forces on named sections were computed."""
+        return self.stress is not None and bool(self.sites.sections)
 
     def of_gaps(self, name: str) -> Array:
         """An attribute of `Joint` for all gaps, joint after joint."""
@@ -63,6 +117,11 @@ class Case:
         """`reduce` applied to the gaps of each joint."""
         stops = np.cumsum([len(joint.area) for joint in self.joints])[:-1]
         return np.array([reduce(gaps) for gaps in np.split(of_gaps, stops)])
+
+    def joint_sums(self, of_gaps: Array) -> Array:
+        """Sums (nt, joints, ...) of (nt, gaps, ...) over the gaps of each joint."""
+        stops = np.cumsum([len(joint.area) for joint in self.joints])
+        return np.add.reduceat(of_gaps, np.append(0, stops[:-1]), axis=1)
 
 
 @dataclass(frozen=True)

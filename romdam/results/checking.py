@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -33,7 +34,7 @@ _WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance
 _LATER = ("normal_force", "shear_force", "mean_", "peak_mean_")
 _PACKING = ("scale_factor", "add_offset", "missing_value")
 _RUN = ("record", "scale", "sample")
-_PLACE: dict[str, tuple[tuple[str, ...], str | None]] = {
+_INDEX: dict[str, tuple[tuple[str, ...], str | None]] = {
     "record": (("record",), ""),
     "scale": (("scale",), None),
     "sample": (("sample",), None),
@@ -41,7 +42,7 @@ _PLACE: dict[str, tuple[tuple[str, ...], str | None]] = {
     "status": (_RUN, None),
     "message": (_RUN, ""),
 }
-_SUMMARY = _PLACE | {name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)}
+_SUMMARY = _INDEX | {name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)}
 
 
 def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
@@ -83,6 +84,7 @@ def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:
 
 
 def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
+    """Say what is wrong with a summary, in an order in which the first flaw explains those after it."""
     for name in ("source", "configuration", "configuration_sha256"):
         if not isinstance(dataset.attrs.get(name), str):
             yield f"its attribute {name} must be a text, got {_got(dataset.attrs, name)}"
@@ -91,27 +93,17 @@ def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
     for name, about in _SUMMARY.items():
         if name in dataset.variables:
             yield from _variable_flaws(name, *about, dataset.variables[name])
-        elif name in _PLACE:
+        elif name in _INDEX:
             yield f"the variable {name} is missing"
     for name in sorted(known.infinite):
         yield f"{name} has infinite values"
 
 
 def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
-    if not str(dataset.attrs.get("source", "")).startswith("romdam"):
+    """Say what is wrong with a result, in an order in which the first flaw explains those after it."""
+    attrs = dataset.attrs
+    if not str(attrs.get("source", "")).startswith("romdam"):
         yield "it was not written by romdam, it has no attribute `source` that says so"
-    yield from _attribute_flaws(dataset.attrs)
-    for name, variable in _KNOWN.items():
-        if name in dataset.variables:
-            yield from _variable_flaws(name, variable.dims, variable.units, dataset.variables[name])
-    yield from _missing(dataset)
-    for name in sorted(known.infinite | (known.undefined - {*STRESS_VARIABLES, *UNDEFINED})):
-        if name in _KNOWN:
-            yield f"{name} has values that are no numbers"
-    yield from _value_flaws(dataset)
-
-
-def _attribute_flaws(attrs: dict[str, object]) -> Iterator[str]:
     for name in (*_TEXTS, *(n for n in _OPTIONAL_TEXTS if n in attrs)):
         if not isinstance(attrs.get(name), str):
             yield f"its attribute {name} must be a text, got {_got(attrs, name)}"
@@ -120,7 +112,7 @@ def _attribute_flaws(attrs: dict[str, object]) -> Iterator[str]:
         if not (isinstance(value, int | float | np.number) and math.isfinite(float(value))):
             yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
     for name, value in attrs.items():
-        if name.startswith(_TIMINGS) and not isinstance(value, int | float | np.number):
+        if str(name).startswith(_TIMINGS) and not isinstance(value, int | float | np.number):
             yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
     if attrs["model_order"] not in ("reduced", "full"):
         yield f"its attribute model_order must be reduced or full, got {_got(attrs, 'model_order')}"
@@ -131,8 +123,30 @@ def _attribute_flaws(attrs: dict[str, object]) -> Iterator[str]:
     if not isinstance(configuration, dict):
         yield "its attribute configuration is no JSON object"
 
+    for name, variable in _KNOWN.items():
+        if name in dataset.variables:
+            yield from _variable_flaws(name, variable.dims, variable.units, dataset.variables[name])
+    # variables with the same condition are written together, so where some are there all must be
+    always = VARIABLES["ground_acceleration"].when
+    present = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
+    for name, variable in _KNOWN.items():
+        companion = present.get(variable.when, "every result" if variable.when is always else "")
+        if companion and name not in dataset.variables and not name.startswith(_LATER):
+            yield f"the variable {name} is missing, which stands beside {companion}"
 
-def _got(attrs: dict[str, object], name: str) -> str:
+    for name in sorted(known.infinite | (known.undefined - {*STRESS_VARIABLES, *UNDEFINED})):
+        if name in _KNOWN:
+            yield f"{name} has values that are no numbers"
+    time = dataset.time.values
+    if not (len(time) and (np.diff(time) > 0.0).all()):
+        yield "its times do not increase"
+    if "joint" in dataset and not {*dataset.gap_joint.values.tolist()} <= {*dataset.joint.values.tolist()}:
+        yield "gap_joint names a joint that is not there"
+    if dataset.component.values.tolist() != ["x", "y", "z"]:
+        yield "its components are not x, y, z"
+
+
+def _got(attrs: Mapping[Any, object], name: str) -> str:
     return quote(attrs[name]) if name in attrs else "none"
 
 
@@ -152,25 +166,3 @@ def _variable_flaws(
     masked = units != "" and isinstance(fill, int | float | np.number) and not np.isnan(fill)
     if masked or any(key in variable_read.encoding for key in _PACKING):
         yield f"{name} is packed or masked"
-
-
-def _missing(dataset: xr.Dataset) -> Iterator[str]:
-    """Find what is missing beside what romdam writes with it."""
-    always = VARIABLES["ground_acceleration"].when
-    there = {_KNOWN[name].when: name for name in _KNOWN if name in dataset.variables}
-    for name, variable in _KNOWN.items():
-        companion = there.get(variable.when, "every result" if variable.when is always else "")
-        if companion and name not in dataset.variables and not name.startswith(_LATER):
-            yield f"the variable {name} is missing, which stands beside {companion}"
-
-
-def _value_flaws(dataset: xr.Dataset) -> Iterator[str]:
-    time = dataset.time.values
-    if not (len(time) and (np.diff(time) > 0.0).all()):
-        yield "its times do not increase"
-    if "joint" in dataset and not set(dataset.gap_joint.values.tolist()) <= set(
-        dataset.joint.values.tolist()
-    ):
-        yield "gap_joint names a joint that is not there"
-    if dataset.component.values.tolist() != ["x", "y", "z"]:
-        yield "its components are not x, y, z"

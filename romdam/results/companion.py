@@ -73,7 +73,11 @@ def find_companion_file(folder: Path, about: tuple[str, str], made_of: str) -> P
     about, made_of : see `write_companion_file`
     """
     kind, layout = about
-    for path in _newest(folder, f"{kind}-{'?' * _DIGITS}.h5"):
+    written = {}
+    for path in folder.glob(f"{kind}-{'?' * _DIGITS}.h5"):
+        with suppress(FileNotFoundError):  # another job may have taken it away
+            written[path] = path.stat().st_mtime_ns
+    for path in sorted(written, key=lambda path: (written[path], path), reverse=True)[:_LOOKED_INTO]:
         try:
             with reading(path, only_sealed=True) as file:
                 named = text_of(file, "content_sha256")[:_DIGITS] == path.stem.rpartition("-")[2]
@@ -83,14 +87,6 @@ def find_companion_file(folder: Path, about: tuple[str, str], made_of: str) -> P
         except ResultError:
             continue
     return None
-
-
-def _newest(folder: Path, pattern: str) -> list[Path]:
-    written = {}
-    for path in folder.glob(pattern):
-        with suppress(FileNotFoundError):  # another job may have taken it away
-            written[path] = path.stat().st_mtime_ns
-    return sorted(written, key=lambda path: (written[path], path), reverse=True)[:_LOOKED_INTO]
 
 
 def _is_written(path: Path, digest: str) -> bool:
@@ -135,30 +131,24 @@ def open_companion_file(
     except OSError as error:
         raise ResultError(f"{path}: cannot be opened ({error})") from error
     try:
-        _check(file, path, layouts, sealed, content)
+        if text_of(file, "format") not in layouts:
+            raise ResultError(
+                f"{path}: is of format {quote(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "
+                "run it again"
+            )
+        try:
+            digest = text_of(file, "content_sha256") if sealed else content(file)
+        except FAILURES as error:
+            raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
+        if path.stem.rpartition("-")[2] != digest[:_DIGITS]:
+            raise ResultError(
+                f"{path}: holds another model than its name says (SHA-256 {quote(digest[:_DIGITS])}); "
+                "run it again"
+            )
     except BaseException:
         file.close()
         raise
     return file
-
-
-def _check(
-    file: h5py.File, path: Path, layouts: list[str], sealed: bool, content: Callable[[h5py.File], str]
-) -> None:
-    if text_of(file, "format") not in layouts:
-        raise ResultError(
-            f"{path}: is of format {quote(text_of(file, 'format'))}, this version reads {layouts[0]!r}; "
-            "run it again"
-        )
-    try:
-        digest = text_of(file, "content_sha256") if sealed else content(file)
-    except FAILURES as error:
-        raise ResultError(f"{path}: is not what romdam writes ({error!r}); run it again") from error
-    if path.stem.rpartition("-")[2] != digest[:_DIGITS]:
-        raise ResultError(
-            f"{path}: holds another model than its name says (SHA-256 {quote(digest[:_DIGITS])}); "
-            "run it again"
-        )
 
 
 def in_order(file: h5py.File) -> list[tuple[str, h5py.Group]]:

@@ -6,7 +6,7 @@ import json
 import logging
 import os
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -33,7 +33,7 @@ from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
 from romdam.results.sliding import sliding_warnings
 from romdam.results.stress.faces import of_faces, peak_shares
-from romdam.results.variables import COORDINATES, VARIABLES, Case, Variable
+from romdam.results.variables import COORDINATES, VARIABLES, Case
 
 log = logging.getLogger(__name__)
 
@@ -79,22 +79,46 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     timing : seconds spent
     model_file : name of the basis file beside the result; None at full order
     """
-    dataset = xr.Dataset(
-        data_vars=dict(_present(VARIABLES, case)),
-        coords=dict(_present(COORDINATES, case)),
-        attrs=_attributes(case, job) | _timing_attributes(case, timing),
+    scene, motion, history = case.scene, case.motion, case.history
+    attributes = job_labels(job) | record_labels(motion)
+    upstream = upstream_of(job.config, scene)
+    if upstream is not None:
+        attributes["upstream"] = upstream
+    warnings = [
+        *run_warnings(history.stats),
+        *crack_warnings(job.config.loads.joint_water, scene, history),
+        *sliding_warnings(case),
+        *history.warnings,
+    ]
+    attributes |= {
+        "rock_blocks": json.dumps(rock_blocks(scene)),
+        "source": f"romdam {romdam.__version__}",
+        "code_sha256": code_digest(),
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "record_dt": motion.dt,
+        "record_peak_acceleration": motion.peak,
+        "analysed_peak_acceleration": analysed(motion, job.config.transient.duration).peak,
+        "scene_sha256": scene_digest(scene),
+        "run_warnings": json.dumps(warnings),
+        "model_order": job.config.model.order,
+        "base": _BASES[job.config.ground.input],
+        "integrator": history.integrator,
+        "versions": library_versions(),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
+    }
+    attributes |= {f"wall_seconds_{stage}": seconds for stage, seconds in timing.wall.items()}
+    attributes |= {f"cpu_seconds_{stage}": seconds for stage, seconds in timing.cpu.items()}
+    attributes |= {f"solver_{name}": value for name, value in history.stats.items()}
+    data, coordinates = (
+        {name: xr.Variable(v.dims, v.get(case), v.about) for name, v in table.items() if v.when(case)}
+        for table in (VARIABLES, COORDINATES)
     )
+    dataset = xr.Dataset(data, coordinates, attributes)
     if model_file is not None:
         dataset.attrs["model_file"] = model_file
     if statement := stress_statement(dataset, peak_shares(case) if of_faces(case) else {}):
         dataset.attrs["stress_statement"] = statement
     return dataset
-
-
-def _present(table: dict[str, Variable], case: Case) -> Iterator[tuple[str, xr.Variable]]:
-    for name, variable in table.items():
-        if variable.when(case):
-            yield name, xr.Variable(variable.dims, variable.get(case), variable.about)
 
 
 def run_identity(attrs: Mapping[Any, Any]) -> str:
@@ -130,44 +154,6 @@ def record_labels(motion: GroundMotion) -> dict[str, object]:
     }
 
 
-def _attributes(case: Case, job: Job) -> dict[str, object]:
-    motion, upstream = case.motion, upstream_of(job.config, case.scene)
-    return (
-        job_labels(job)
-        | record_labels(motion)
-        | ({} if upstream is None else {"upstream": upstream})
-        | {
-            "rock_blocks": json.dumps(rock_blocks(case.scene)),
-            "source": f"romdam {romdam.__version__}",
-            "code_sha256": code_digest(),
-            "date_created": _now(),
-            "record_dt": motion.dt,
-            "record_peak_acceleration": motion.peak,
-            "analysed_peak_acceleration": analysed(motion, job.config.transient.duration).peak,
-            "scene_sha256": scene_digest(case.scene),
-            "run_warnings": json.dumps(
-                [
-                    *run_warnings(case.history.stats),
-                    *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
-                    *sliding_warnings(case),
-                    *case.history.warnings,
-                ]
-            ),
-            "model_order": job.config.model.order,
-            "base": _BASES[job.config.ground.input],
-            "integrator": case.history.integrator,
-            "versions": library_versions(),
-            "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        }
-    )
-
-
-def _timing_attributes(case: Case, timing: Timing) -> dict[str, object]:
-    seconds: dict[str, object] = {f"wall_seconds_{k}": v for k, v in timing.wall.items()}
-    seconds |= {f"cpu_seconds_{k}": v for k, v in timing.cpu.items()}
-    return seconds | {f"solver_{k}": v for k, v in case.history.stats.items()}
-
-
 def single_precision(dataset: xr.Dataset) -> xr.Dataset:
     """The same dataset with its variables over time in single precision; time itself stays double."""
     kept = {
@@ -200,19 +186,6 @@ def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str
     return encoding | chunks | (COMPRESSION if worth else {})
 
 
-def _labels_of_file(attrs: dict[Any, Any]) -> dict[Any, Any]:
-    """Attributes of a file: those of its dataset, and what CF wants besides."""
-    source, created = attrs.get("source", f"romdam {romdam.__version__}"), attrs.get("date_created", _now())
-    of = f" from {attrs['configuration_file']}" if "configuration_file" in attrs else ""
-    history = f"{created}: written by {source}{of}"
-    about = {"source": source, "references": REFERENCES, "comment": SIGNS}
-    return about | attrs | {"Conventions": CF, "history": history}
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
 def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     """Write a NetCDF-4 file whole or not at all.
 
@@ -225,8 +198,15 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
         name: _encoding(str(name), variable, name in dataset.coords)
         for name, variable in dataset.variables.items()
     }
+    # the attributes of the dataset, and what CF wants besides
+    attrs = dataset.attrs
+    source = attrs.get("source", f"romdam {romdam.__version__}")
+    created = attrs.get("date_created", datetime.now(UTC).isoformat(timespec="seconds"))
+    of = f" from {attrs['configuration_file']}" if "configuration_file" in attrs else ""
+    labels = {"source": source, "references": REFERENCES, "comment": SIGNS} | attrs
+    labels |= {"Conventions": CF, "history": f"{created}: written by {source}{of}"}
     with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
-        labelled = dataset.drop_encoding().assign_attrs(_labels_of_file(dataset.attrs))
+        labelled = dataset.drop_encoding().assign_attrs(labels)
         labelled.dump_to_store(H5NetCDFStore(file), encoding=encoding)
 
 

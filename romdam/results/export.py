@@ -39,15 +39,32 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
         for a full-order result, a window without written times, and where the disk refuses a file.
     """
     times, names = frame_times(result, frames), []
-    mesh = _mesh(result)
-    for k, time in enumerate(times):
-        mesh.point_data |= _fields(result, float(time))
+    dataset = result.dataset
+    stressed = list(dict.fromkeys(dataset.stress_block.values.tolist())) if "stress_block" in dataset else []
+    mesh = mesh_of((result.points(name), *result.cells(name)) for name in result.blocks)
+    if "max_principal_stress" in dataset:
+        envelope, block_of_node = dataset.max_principal_stress.values, dataset.stress_block.values
+        of_blocks = {name: envelope[block_of_node == name] for name in stressed}
+        mesh.point_data["max_principal_stress"] = _at_all_nodes(result, of_blocks)
+    for k, time in enumerate(times.tolist()):
+        moved = [result.displacement(name, times=time).values[0] for name in result.blocks]
+        mesh.point_data["displacement"] = np.concatenate(moved)
+        if "stress_file" in dataset.attrs:
+            of_blocks = {name: result.stress(name, times=time).values[0] for name in stressed}
+            mesh.point_data["stress"] = _at_all_nodes(result, of_blocks)
         names.append(f"{stem}-{k:04d}.vtu")
         write_vtu(mesh, result.blocks, folder / names[-1])
         progress(k + 1, len(times))
+    rows = "\n".join(
+        f'    <DataSet timestep="{time:.9g}" part="0" file="{name}"/>'
+        for name, time in zip(names, times, strict=True)
+    )
+    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
     path = folder / f"{stem}.pvd"
     with replacing(path) as unfinished:
-        unfinished.write_text(_collection(names, times), encoding="utf-8")
+        unfinished.write_text(
+            f"{head}\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n", encoding="utf-8"
+        )
     return path
 
 
@@ -67,15 +84,6 @@ def write_vtu(mesh: meshio.Mesh, blocks: Iterable[str], path: Path) -> Path:
     return path
 
 
-def _collection(names: list[str], times: Floats) -> str:
-    rows = "\n".join(
-        f'    <DataSet timestep="{time:.9g}" part="0" file="{name}"/>'
-        for name, time in zip(names, times, strict=True)
-    )
-    head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">'
-    return f"{head}\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n"
-
-
 def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
     """Meshes of blocks (points, element, cells), one after another, with cell data `block`."""
     import meshio
@@ -93,46 +101,16 @@ def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
     return meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
 
 
-def _mesh(result: Result) -> meshio.Mesh:
-    """All blocks, one after another, with what does not change."""
-    mesh = mesh_of((result.points(name), *result.cells(name)) for name in result.blocks)
-    dataset = result.dataset
-    if "max_principal_stress" in dataset:
-        mesh.point_data["max_principal_stress"] = _spread(
-            result,
-            {
-                b: dataset.max_principal_stress.values[dataset.stress_block.values == b]
-                for b in _stressed(result)
-            },
-        )
-    return mesh
-
-
-def _fields(result: Result, time: float) -> dict[str, Floats]:
-    moved = [result.displacement(name, times=time).values[0] for name in result.blocks]
-    fields = {"displacement": np.concatenate(moved)}
-    if "stress_file" in result.dataset.attrs:
-        fields["stress"] = _spread(
-            result, {b: result.stress(b, times=time).values[0] for b in _stressed(result)}
-        )
-    return fields
-
-
-def _stressed(result: Result) -> list[str]:
-    """Blocks that have stress nodes."""
-    return list(dict.fromkeys(result.dataset.stress_block.values.tolist()))
-
-
-def _spread(result: Result, values: dict[str, Floats]) -> Floats:
+def _at_all_nodes(result: Result, values: dict[str, Floats]) -> Floats:
     """Values of the stress nodes of every block as values of all nodes, NaN elsewhere."""
-    numbers = result.dataset.stress_node_number.values
-    parts = []
+    numbers, block_of_node = result.dataset.stress_node_number.values, result.dataset.stress_block.values
+    width = next(iter(values.values())).shape[1:]
+    of_blocks = []
     for name in result.blocks:
-        width = next(iter(values.values())).shape[1:]
         whole = np.full((len(result.points(name)), *width), np.nan)
         if name in values:
-            whole[numbers[result.dataset.stress_block.values == name]] = values[name]
-        parts.append(whole)
-    if not parts:
+            whole[numbers[block_of_node == name]] = values[name]
+        of_blocks.append(whole)
+    if not of_blocks:
         raise ResultError(f"{result.path}: has no blocks")
-    return np.concatenate(parts)
+    return np.concatenate(of_blocks)

@@ -376,9 +376,15 @@ class Result:
         return blocks[name]
 
     def _basis_file(self) -> h5py.File:
-        """Return the basis file, opened at the first call."""
+        """Return the basis file, opened at the first call; a full-order result has none."""
         if self._model is None:
-            self._model = _open_model(self._absolute_path, str(self.dataset.attrs.get("model_file", "")))
+            result, name = self._absolute_path, str(self.dataset.attrs.get("model_file", ""))
+            if not name:
+                raise ResultError(
+                    f"{result}: a full-order result keeps displacements at its output nodes only; "
+                    "name more under outputs.nodes, or run with model.order: reduced"
+                )
+            self._model = open_companion_file(result, name, ("model", FORMAT), stored_digest)
         return self._model
 
 
@@ -400,13 +406,3 @@ def _at_times(history: xr.DataArray, times: float | Sequence[float] | slice | No
     if isinstance(times, slice):
         return history.sel(time=times)
     return history.sel(time=np.atleast_1d(np.asarray(times, dtype=float)), method="nearest")
-
-
-def _open_model(result: Path, name: str) -> h5py.File:
-    """Open the basis file of a result; raise a ResultError for a full-order result, which has none."""
-    if not name:
-        raise ResultError(
-            f"{result}: a full-order result keeps displacements at its output nodes only; "
-            "name more under outputs.nodes, or run with model.order: reduced"
-        )
-    return open_companion_file(result, name, ("model", FORMAT), stored_digest)

@@ -113,12 +113,22 @@ def read_measured(path: Path, modes: int) -> list[MeasuredMode]:
         )
     if not rows:
         raise ResultError(f"{path}: has no measured mode, at least 1 is needed; add a row for each")
-    measured = [_measured(row, f"{path}: row {line}") for line, row in rows]
-    _refuse_wrong_modes(measured, modes, path)
+    measured = [_measured_mode(row, f"{path}: row {line}") for line, row in rows]
+    if len(measured) > modes:
+        raise ResultError(
+            f"{path}: has {len(measured)} measured modes, and {modes} are computed; ask for more with -n"
+        )
+    stated = [measured_mode.mode for measured_mode in measured if measured_mode.mode is not None]
+    for mode in stated:
+        if not 1 <= mode <= modes or stated.count(mode) > 1:
+            raise ResultError(
+                f"{path}: mode {mode} is {'named twice' if stated.count(mode) > 1 else 'not computed'}, "
+                f"computed are 1 to {modes}, each for one row; correct it, or ask for more with -n"
+            )
     return measured
 
 
-def _measured(row: Mapping[str, str | None], location: str) -> MeasuredMode:
+def _measured_mode(row: Mapping[str, str | None], location: str) -> MeasuredMode:
     if None in row:
         raise ResultError(f"{location} has more values than there are columns; remove some, or name them")
     texts = {key.strip(): (value or "").strip() for key, value in row.items()}
@@ -150,20 +160,6 @@ def _number(text: str, what: str, above: float, below: float) -> float:
     if not above < value < below:
         raise ResultError(f"{what} must be a number above {above:g} and below {below:g}, got {text!r}")
     return value
-
-
-def _refuse_wrong_modes(measured: list[MeasuredMode], modes: int, path: Path) -> None:
-    if len(measured) > modes:
-        raise ResultError(
-            f"{path}: has {len(measured)} measured modes, and {modes} are computed; ask for more with -n"
-        )
-    stated = [measured_mode.mode for measured_mode in measured if measured_mode.mode is not None]
-    for mode in stated:
-        if not 1 <= mode <= modes or stated.count(mode) > 1:
-            raise ResultError(
-                f"{path}: mode {mode} is {'named twice' if stated.count(mode) > 1 else 'not computed'}, "
-                f"computed are 1 to {modes}, each for one row; correct it, or ask for more with -n"
-            )
 
 
 def add_measured(dataset: xr.Dataset, measured: list[MeasuredMode], numbers: Ints) -> xr.Dataset:

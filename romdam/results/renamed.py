@@ -6,8 +6,6 @@ something in files, add a line to RENAMED; to state a unit in another way, to UN
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
-
 import xarray as xr
 
 RENAMED = {
@@ -29,23 +27,15 @@ def with_names_of_now(dataset: xr.Dataset) -> tuple[xr.Dataset, dict[str, str]]:
 
     Where a file has both, they say the same, and the old one goes.
     """
-    names = _renamed([*dataset.variables, *dataset.dims])
-    attributes = _renamed(dataset.attrs)
+    names = {str(name): RENAMED[str(name)] for name in [*dataset.variables, *dataset.dims] if name in RENAMED}
+    attributes = {str(name): RENAMED[str(name)] for name in dataset.attrs if name in RENAMED}
     twice = [old for old, new in names.items() if new in dataset.variables]
     now = dataset.drop_vars(twice).rename({old: new for old, new in names.items() if old not in twice})
     former = {new: dataset.attrs[old] for old, new in attributes.items()}
     now.attrs = former | {name: value for name, value in dataset.attrs.items() if name not in attributes}
     now.set_close(dataset.close)
-    return now, names | attributes | _restate_units(now)
-
-
-def _renamed(names: Iterable[Hashable]) -> dict[str, str]:
-    return {str(name): RENAMED[str(name)] for name in names if name in RENAMED}
-
-
-def _restate_units(dataset: xr.Dataset) -> dict[str, str]:
-    units = {name: str(variable.attrs.get("units")) for name, variable in dataset.variables.items()}
+    units = {name: str(variable.attrs.get("units")) for name, variable in now.variables.items()}
     units = {name: unit for name, unit in units.items() if unit in UNITS}
     for name, unit in units.items():
-        dataset.variables[name].attrs["units"] = UNITS[unit]
-    return {unit: UNITS[unit] for unit in units.values()}
+        now.variables[name].attrs["units"] = UNITS[unit]
+    return now, names | attributes | {unit: UNITS[unit] for unit in units.values()}

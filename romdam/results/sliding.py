@@ -11,31 +11,13 @@ from romdam.results.case import Array, Case, Variable
 _RESTS = 0.05  # of the residual slip: less motion about that mean, and a joint rests
 
 
-def _carries_shear(case: Case) -> bool:
-    return case.history.strength.size > 0
-
-
-def _has_bonds(case: Case) -> bool:
-    return bool(case.history.bonded.any())
-
-
-def _sum(case: Case, of_gaps: Array) -> Array:
-    """(nt, joints, ...) sums of (nt, gaps, ...) over the gaps of each joint."""
-    stops = np.cumsum([len(joint.area) for joint in case.joints])
-    return np.add.reduceat(of_gaps, np.append(0, stops[:-1]), axis=1)
-
-
-def _shear(case: Case) -> Array:
-    return _sum(case, case.history.traction[..., 1:])
-
-
 def _strength(case: Case) -> Array:
-    strength = _sum(case, case.history.strength)
+    strength = case.joint_sums(case.history.strength)
     return np.where(np.isfinite(strength), strength, np.nan)
 
 
 def _safety_factor(case: Case) -> Array:
-    return safety_factor(_strength(case), _shear(case))
+    return safety_factor(_strength(case), case.joint_sums(case.history.traction[..., 1:]))
 
 
 def _displacement(case: Case) -> Array:
@@ -44,7 +26,7 @@ def _displacement(case: Case) -> Array:
     moved = np.einsum(
         "tgd,gdx->tgx", jump - jump[0], case.of_gaps("axes") * area[:, None, None], optimize=True
     )
-    return _sum(case, moved) / _sum(case, area[None])[..., None]
+    return case.joint_sums(moved) / case.joint_sums(area[None])[..., None]
 
 
 def _demand_ratio(case: Case) -> Array:
@@ -56,7 +38,7 @@ def _demand_ratio(case: Case) -> Array:
 def _slip(case: Case) -> Array:
     """Mean displacement along the joints' mean planes, (nt, joints, 3) [m]."""
     moved, area = _displacement(case), case.of_gaps("whole_area")
-    normal = _sum(case, (area[:, None] * case.of_gaps("axes")[:, 0])[None])[0]
+    normal = case.joint_sums((area[:, None] * case.of_gaps("axes")[:, 0])[None])[0]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return np.asarray(moved - (moved * normal).sum(axis=-1, keepdims=True) * normal)
 
@@ -69,7 +51,7 @@ def _residual(case: Case) -> Array:
 
 def sliding_warnings(case: Case) -> list[str]:
     """Write a sentence for each joint that still slides while its residual slip is averaged."""
-    if not _carries_shear(case):
+    if not case.carries_shear():
         return []
     last, sentences, first = case.history.time >= case.history.time[-1] - REST, [], 0
     slip, residual = _slip(case)[last], _residual(case)
@@ -94,39 +76,43 @@ SLIDING_VARIABLES: dict[str, Variable] = {
         ("time", "joint"),
         "N",
         "normal force of the whole joint, sum over its gaps, compression negative",
-        lambda c: _sum(c, -c.history.traction[..., 0]),
-        _carries_shear,
+        lambda c: c.joint_sums(-c.history.traction[..., 0]),
+        Case.carries_shear,
     ),
     "joint_shear_force": Variable(
-        ("time", "joint", "tangent"), "N", "shear force of the whole joint on block J", _shear, _carries_shear
+        ("time", "joint", "tangent"),
+        "N",
+        "shear force of the whole joint on block J",
+        lambda c: c.joint_sums(c.history.traction[..., 1:]),
+        Case.carries_shear,
     ),
     "joint_shear_strength": Variable(
         ("time", "joint", "tangent"),
         "N",
         "shear that the gaps' laws let the whole joint carry now, c A + mu N; NaN where a shear key holds",
         _strength,
-        _carries_shear,
+        Case.carries_shear,
     ),
     "sliding_safety_factor": Variable(
         ("time", "joint"),
         "1",
         "factor of safety against sliding, strength over shear; NaN where the joint carries no shear",
         _safety_factor,
-        _carries_shear,
+        Case.carries_shear,
     ),
     "bonded_area": Variable(
         ("time", "joint"),
         "m2",
         "area whose bond is intact",
-        lambda c: _sum(c, c.history.bonded * c.of_gaps("area")),
-        _has_bonds,
+        lambda c: c.joint_sums(c.history.bonded * c.of_gaps("area")),
+        lambda c: bool(c.history.bonded.any()),
     ),
     "joint_displacement": Variable(
         ("time", "joint", "component"),
         "m",
         "displacement of block J relative to block I since the start, mean over the joint's area",
         _displacement,
-        _carries_shear,
+        Case.carries_shear,
     ),
 }
 SLIDING_ROWS: dict[str, Variable] = {
@@ -135,13 +121,13 @@ SLIDING_ROWS: dict[str, Variable] = {
         "1",
         "largest shear over shear strength, 1 / least factor of safety against sliding, by the written rows",
         _demand_ratio,
-        _carries_shear,
+        Case.carries_shear,
     ),
     "residual_sliding": Variable(
         ("joint",),
         "m",
         f"displacement along the joint that is left, mean over its area and over the last {REST:g} s",
         _residual,
-        _carries_shear,
+        Case.carries_shear,
     ),
 }

@@ -102,7 +102,21 @@ def read_run(path: Path) -> StoredRun:
         where the file is no romdam result, is of full order, or holds no joint forces.
     """
     with open_run(path) as dataset:
-        _refuse(dataset, path)
+        if dataset.attrs.get("model_order") != "reduced":
+            raise ResultError(
+                f"{path}: is a full-order result; a certificate is about the error of a reduced one"
+            )
+        if "opening" not in dataset:
+            raise ResultError(
+                f"{path}: has no joints; what a linear model leaves out is told by its frequencies"
+            )
+        missing = [name for name in ("mean_normal_force", "normal_force") if name not in dataset]
+        if missing:
+            raise ResultError(
+                f"{path}: holds no joint forces ({', '.join(missing)}); run the configuration again"
+            )
+        if dataset.time.size < 2:
+            raise ResultError(f"{path}: has {dataset.time.size} written times, a replay needs two or more")
         traction = _gap_vector(dataset, "normal_force", "shear_force", -1.0)
         if "crack_water_force" in dataset:
             traction[..., 0] += dataset.crack_water_force.values
@@ -121,24 +135,9 @@ def read_run(path: Path) -> StoredRun:
         )
 
 
-def _refuse(dataset: xr.Dataset, path: Path) -> None:
-    if dataset.attrs.get("model_order") != "reduced":
-        raise ResultError(
-            f"{path}: is a full-order result; a certificate is about the error of a reduced one"
-        )
-    if "opening" not in dataset:
-        raise ResultError(f"{path}: has no joints; what a linear model leaves out is told by its frequencies")
-    missing = [name for name in ("mean_normal_force", "normal_force") if name not in dataset]
-    if missing:
-        raise ResultError(
-            f"{path}: holds no joint forces ({', '.join(missing)}); run the configuration again"
-        )
-    if dataset.time.size < 2:
-        raise ResultError(f"{path}: has {dataset.time.size} written times, a replay needs two or more")
-
-
 def _gap_vector(dataset: xr.Dataset, normal: str, tangential: str, sign: float) -> Floats:
-    parts = [sign * dataset[normal].values[:, :, None]]
+    """Join the normal component of a quantity, times `sign`, with its tangential ones, (nt, ng, d)."""
+    components = [sign * dataset[normal].values[:, :, None]]
     if tangential in dataset:
-        parts.append(dataset[tangential].values)
-    return np.concatenate(parts, axis=2)
+        components.append(dataset[tangential].values)
+    return np.concatenate(components, axis=2)

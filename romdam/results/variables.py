@@ -20,37 +20,9 @@ from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
 
 
-def _has_joints(case: Case) -> bool:
-    return bool(case.scene.joints)
-
-
-def _has_water(case: Case) -> bool:
-    return any(joint.water.any() for joint in case.joints)
-
-
-def _frictional(case: Case) -> bool:
-    return case.frictional
-
-
-def _has_probes(case: Case) -> bool:
-    return bool(case.scene.probes)
-
-
-def _reduced(case: Case) -> bool:
-    return case.history.q is not None
-
-
-def _has_moving_supports(case: Case) -> bool:
-    return case.scene.moving is not None
-
-
 def _moving_supports(case: Case) -> Array:
     assert case.scene.moving is not None
-    return _strings([motion.name for motion in case.scene.moving.motions])
-
-
-def _probe_position(case: Case) -> Array:
-    return np.array([case.scene.blocks[p.block].points[p.node] for p in case.scene.probes])
+    return np.array([motion.name for motion in case.scene.moving.motions], dtype=str)
 
 
 def _at_probes(name: str) -> Callable[[Case], Array]:
@@ -61,27 +33,10 @@ def _at_probes(name: str) -> Callable[[Case], Array]:
     return get
 
 
-def _joint_of_gap(case: Case) -> Array:
-    return np.concatenate([np.full(len(joint.area), joint.name) for joint in case.joints])
-
-
-def _strings(values: list[str]) -> Array:
-    return np.array(values, dtype=str)
-
-
 def _peak_opening_time(case: Case) -> Array:
     peaks = case.history.peaks
     stacked = np.stack([peaks["opening"], peaks["opening_time"]], axis=1)
     return case.per_joint(stacked, lambda part: part[part[:, 0].argmax(), 1])
-
-
-def _peak_stress(case: Case) -> Array:
-    return case.per_joint(-case.history.peaks["compression"] / case.of_gaps("area"), np.min)
-
-
-def _mean_peak_stress(case: Case) -> Array:
-    means = case.history.mean_traction[:, :, 0] / case.of_gaps("area")
-    return case.per_joint(-means.max(axis=0), np.min)
 
 
 def _energy(term: str, long_name: str) -> Variable:
@@ -105,8 +60,8 @@ def _recorded(name: str, of: Quantity, written: Written) -> Variable:
         return values if written.sign > 0 else -values
 
     dims = ("time", "gap", "tangent") if written.part == "tangential" else ("time", "gap")
-    exists = _frictional if written.part == "tangential" else _has_joints
-    has = exists if when is None else lambda case: _has_joints(case) and when(case.history)
+    exists = Case.has_friction if written.part == "tangential" else Case.has_joints
+    has = exists if when is None else lambda case: case.has_joints() and when(case.history)
     flags = _FLAGS if of.dtype is np.uint8 else {}
     return Variable(dims, of.unit, written.long_name, get, has, flags)
 
@@ -118,91 +73,113 @@ def _peak(name: str, of: Quantity, written: Written) -> Variable:
         of.unit,
         written.long_name,
         lambda case: written.sign * case.history.peaks[name],
-        _has_joints,
+        Case.has_joints,
     )
 
 
 COORDINATES: dict[str, Variable] = {
     "time": Variable(("time",), "s", "time since the start of the record", lambda c: c.history.time),
     "gap": Variable(
-        ("gap",), "1", "number of the gap element", lambda c: np.arange(len(c.of_gaps("area"))), _has_joints
+        ("gap",),
+        "1",
+        "number of the gap element",
+        lambda c: np.arange(len(c.of_gaps("area"))),
+        Case.has_joints,
     ),
     "joint": Variable(
-        ("joint",), "", "name of the joint", lambda c: _strings(list(c.scene.joints)), _has_joints
+        ("joint",),
+        "",
+        "name of the joint",
+        lambda c: np.array(list(c.scene.joints), dtype=str),
+        Case.has_joints,
     ),
     "node": Variable(
         ("node",),
         "",
         "name of the output node",
-        lambda c: _strings([p.name for p in c.scene.probes]),
-        _has_probes,
+        lambda c: np.array([p.name for p in c.scene.probes], dtype=str),
+        Case.has_probes,
     ),
-    "component": Variable(("component",), "", "global axis", lambda c: _strings(["x", "y", "z"])),
+    "component": Variable(("component",), "", "global axis", lambda c: np.array(["x", "y", "z"], dtype=str)),
     "tangent": Variable(
-        ("tangent",), "", "local tangential axis of a gap", lambda c: _strings(["j", "k"]), _has_joints
+        ("tangent",),
+        "",
+        "local tangential axis of a gap",
+        lambda c: np.array(["j", "k"], dtype=str),
+        Case.has_joints,
     ),
     "joint_blocks": Variable(
         ("joint", "side"),
         "",
         "names of blocks I and J of the joint",
         lambda c: np.array([joint.blocks for joint in c.joints], dtype=str),
-        _has_joints,
+        Case.has_joints,
     ),
-    "gap_joint": Variable(("gap",), "", "joint the gap belongs to", _joint_of_gap, _has_joints),
+    "gap_joint": Variable(
+        ("gap",),
+        "",
+        "joint the gap belongs to",
+        lambda c: np.concatenate([np.full(len(joint.area), joint.name) for joint in c.joints]),
+        Case.has_joints,
+    ),
     "gap_position": Variable(
-        ("gap", "component"), "m", "position of the gap", lambda c: c.of_gaps("position"), _has_joints
+        ("gap", "component"), "m", "position of the gap", lambda c: c.of_gaps("position"), Case.has_joints
     ),
     "gap_normal": Variable(
         ("gap", "component"),
         "1",
         "normal from block I to block J",
         lambda c: c.of_gaps("axes")[:, 0],
-        _has_joints,
+        Case.has_joints,
     ),
     "gap_tangent": Variable(
         ("gap", "tangent", "component"),
         "1",
         "local axes j and k",
         lambda c: c.of_gaps("axes")[:, 1:],
-        _has_joints,
+        Case.has_joints,
     ),
     "gap_area": Variable(
         ("gap",),
         "m2",
         "area of the joint that the gap stands for",
         lambda c: c.of_gaps("whole_area"),
-        _has_joints,
+        Case.has_joints,
     ),
     "initial_gap": Variable(
         ("gap",),
         "m",
         "initial gap as configured, before any grouting, open positive",
         lambda c: c.of_gaps("gap"),
-        _has_joints,
+        Case.has_joints,
     ),
     "grouted_gap": Variable(
         ("gap",),
         "m",
         "initial gap after grouting, at which the opening of an unloaded gap starts, open positive",
         lambda c: c.history.gap,
-        lambda c: _has_joints(c) and bool(c.of_gaps("grout").any()),
+        lambda c: c.has_joints() and bool(c.of_gaps("grout").any()),
     ),
     "support": Variable(
         ("support",),
         "",
         "first entry of `supports` with the motion",
         _moving_supports,
-        _has_moving_supports,
+        Case.has_moving_supports,
     ),
     "node_block": Variable(
         ("node",),
         "",
         "block of the output node",
-        lambda c: _strings([p.block for p in c.scene.probes]),
-        _has_probes,
+        lambda c: np.array([p.block for p in c.scene.probes], dtype=str),
+        Case.has_probes,
     ),
     "node_position": Variable(
-        ("node", "component"), "m", "position of the output node", _probe_position, _has_probes
+        ("node", "component"),
+        "m",
+        "position of the output node",
+        lambda c: np.array([c.scene.blocks[p.block].points[p.node] for p in c.scene.probes]),
+        Case.has_probes,
     ),
     **STRESS_COORDINATES,
 }
@@ -218,35 +195,35 @@ VARIABLES: dict[str, Variable] = {
         "Pa",
         "pressure of the water in the joint, mean over the gap's area",
         lambda c: c.of_gaps("water") / c.of_gaps("area"),
-        _has_water,
+        Case.has_water_in_joints,
     ),
     "water_force": Variable(
         ("joint", "component"),
         "N",
         "resultant of the water in the joint on block J; block I has the opposite",
         lambda c: np.array([joint.water_resultant for joint in c.joints]),
-        _has_water,
+        Case.has_water_in_joints,
     ),
     "displacement": Variable(
         ("time", "node", "component"),
         "m",
         "displacement relative to the base",
         _at_probes("disp"),
-        _has_probes,
+        Case.has_probes,
     ),
     "velocity": Variable(
         ("time", "node", "component"),
         "m s-1",
         "velocity relative to the base",
         _at_probes("vel"),
-        _has_probes,
+        Case.has_probes,
     ),
     "acceleration": Variable(
         ("time", "node", "component"),
         "m s-2",
         "acceleration relative to the base",
         _at_probes("acc"),
-        _has_probes,
+        Case.has_probes,
     ),
     "ground_acceleration": Variable(
         ("time", "component"),
@@ -259,7 +236,7 @@ VARIABLES: dict[str, Variable] = {
         "m",
         "displacement of the support relative to the base",
         lambda c: c.history.supports.reshape(len(c.history.time), -1, 3),
-        _has_moving_supports,
+        Case.has_moving_supports,
     ),
     **{f"energy_{term}": _energy(term, long_name) for term, long_name in ENERGY_TERMS.items()},
     "energy_numerical": Variable(
@@ -274,46 +251,46 @@ VARIABLES: dict[str, Variable] = {
         "m",
         "coordinates of the reduced model, modes of 1 kg; with the basis file they give every displacement",
         lambda c: np.asarray(c.history.q),
-        _reduced,
+        lambda c: c.history.q is not None,
     ),
     "peak_opening": Variable(
         ("joint",),
         "m",
         "largest opening over all gaps and steps",
         lambda c: c.per_joint(c.history.peaks["opening"], np.max),
-        _has_joints,
+        Case.has_joints,
     ),
     "peak_opening_time": Variable(
-        ("joint",), "s", "time of the largest opening", _peak_opening_time, _has_joints
+        ("joint",), "s", "time of the largest opening", _peak_opening_time, Case.has_joints
     ),
     "peak_compression": Variable(
         ("joint",),
         "N",
         "largest compressive force of one gap at one instant, compression negative",
         lambda c: c.per_joint(-c.history.peaks["compression"], np.min),
-        _has_joints,
+        Case.has_joints,
     ),
     "peak_compressive_stress": Variable(
         ("joint",),
         "Pa",
         "largest compressive force of one gap at one instant, over its area, compression negative",
-        _peak_stress,
-        _has_joints,
+        lambda c: c.per_joint(-c.history.peaks["compression"] / c.of_gaps("area"), np.min),
+        Case.has_joints,
     ),
     "peak_mean_compressive_stress": Variable(
         ("joint",),
         "Pa",
         "largest mean compressive force of one gap over a writing interval, over its area, "
         "compression negative",
-        _mean_peak_stress,
-        _has_joints,
+        lambda c: c.per_joint(-(c.history.mean_traction[:, :, 0] / c.of_gaps("area")).max(axis=0), np.min),
+        Case.has_joints,
     ),
     "peak_slip": Variable(
         ("joint",),
         "m",
         "largest tangential displacement over all gaps and steps",
         lambda c: c.per_joint(c.history.peaks["slip"], np.max),
-        _frictional,
+        Case.has_friction,
     ),
     **{
         written.name: _peak(name, of, written)

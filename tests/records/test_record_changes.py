@@ -179,7 +179,7 @@ def test_no_suite_scales_a_drifting_motion_to_an_intensity():
     """Motions from Python are run as they are, but no factor is taken from what is no motion."""
     from romdam.config.sections.suite import SuiteConfig
     from romdam.core.motion import GroundMotion
-    from romdam.results.suite.scaling import scale_factors
+    from romdam.results.suite.design import scale_factors
 
     suite = SuiteConfig.model_validate({"intensities": {"measure": "pga", "of": "y", "values": ["0.3 g"]}})
     motion = GroundMotion.from_arrays("m", {"y": shaking() + 1.0}, DT)

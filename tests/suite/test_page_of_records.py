@@ -24,7 +24,7 @@ from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.run_columns import run_columns
 from romdam.results.suite import tables
 from romdam.results.suite.report_data import DATA
-from romdam.results.suite.tables import write_tables
+from romdam.results.table import write_tables
 from romdam.visual.report import runs
 from romdam.visual.report.sections import report_html
 from romdam.visual.report.subject import Subject, Topic

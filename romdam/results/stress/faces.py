@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from romdam.core.scene import MOST_RING, StressFace, StressSites
+from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import (
     BASES,
     CRITERIA,
@@ -31,12 +31,16 @@ _TEXTS = {
 }
 
 
+# Conditions that are not those of `Case`: files of romdam 0.1 have stress without these variables.
+
+
 def _of_nodes(case: Case) -> bool:
     return case.stress is not None
 
 
 def of_faces(case: Case) -> bool:
-    return case.stress is not None and bool(_sites(case).faces)
+    """Tell whether stress was computed on whole faces."""
+    return case.has_stress_faces()
 
 
 def _with_strength(case: Case) -> bool:
@@ -47,60 +51,51 @@ def _of_faces_with_strength(case: Case) -> bool:
     return of_faces(case) and _with_strength(case)
 
 
-def _sites(case: Case) -> StressSites:
-    assert case.scene.stress is not None
-    return case.scene.stress
-
-
-def _ring(case: Case) -> Array:
-    return np.concatenate([~nodes.counted for nodes in _sites(case).blocks.values()]).astype(np.int8)
-
-
-def _outside(sites: StressSites, face: StressFace) -> tuple[Array, Array]:
-    """Rows of a face's nodes outside the ring among all stress nodes, and their areas [m2]."""
-    first = 0
-    for name, nodes in sites.blocks.items():
-        if name == face.block:
-            counted = nodes.counted[face.rows]
-            return first + face.rows[counted], face.area[counted]
-        first += len(nodes.nodes)
-    raise AssertionError(face.block)
-
-
-def _ring_share(case: Case) -> Array:
-    return 100.0 * _sites(case).ring_shares
+def _outside_ring(case: Case) -> list[tuple[Array, Array]]:
+    """For each face, the rows of its nodes outside the ring among all stress nodes, and their areas [m2]."""
+    first, count = dict[str, int](), 0
+    for name, nodes in case.sites.blocks.items():
+        first[name], count = count, count + len(nodes.nodes)
+    chosen = []
+    for face in case.sites.faces:
+        counted = case.sites.blocks[face.block].counted[face.rows]
+        chosen.append((first[face.block] + face.rows[counted], face.area[counted]))
+    return chosen
 
 
 def _percentiles(get: Callable[[Case], Array]) -> Callable[[Case], Array]:
     def of_case(case: Case) -> Array:
-        values, sites = get(case), _sites(case)
-        chosen = (_outside(sites, face) for face in sites.faces)
-        return np.array([area_percentiles(values[rows], area, PERCENTILES) for rows, area in chosen])
+        values = get(case)
+        return np.array(
+            [area_percentiles(values[rows], area, PERCENTILES) for rows, area in _outside_ring(case)]
+        )
 
     return of_case
 
 
-def _table(table: str, measure: str) -> Callable[[Case], Array]:
-    return lambda case: np.asarray(getattr(case.stress, table)[measure])
+def of_measure(table: str, measure: str) -> Callable[[Case], Array]:
+    """Return what takes the values of a measure of stress from a table of the summary of a case."""
+    return lambda case: np.asarray(getattr(case.stress_summary, table)[measure])
 
 
 def headline_stress(case: Case) -> Array:
     """Stress that `HEADLINE` % of all faces' area, outside the ring, do not exceed, (measures,) [Pa]."""
-    sites = _sites(case)
-    rows, area = (np.concatenate(p) for p in zip(*(_outside(sites, f) for f in sites.faces), strict=True))
-    percent = np.array([HEADLINE])
-    return np.array([area_percentiles(_table("largest", m)(case)[rows], area, percent)[0] for m in MEASURES])
+    rows, area = (np.concatenate(arrays) for arrays in zip(*_outside_ring(case), strict=True))
+    percent, largest = np.array([HEADLINE]), case.stress_summary.largest
+    return np.array([area_percentiles(largest[m][rows], area, percent)[0] for m in MEASURES])
 
 
 def _demands(case: Case) -> list[list[FaceDemand]]:
-    """Of every face, the demand of the total stress and of its change."""
-    sites, stress = _sites(case), case.stress
-    assert stress is not None and stress.change is not None and stress.duration is not None
+    """Compute for each face the demand of the total stress and that of its change."""
+    sites, stress = case.sites, case.stress_summary
+    assert stress.change is not None and stress.duration is not None
     assert stress.duration_of_change is not None and sites.strength is not None
     ratios = (stress.largest["principal"] / sites.strength, stress.change / sites.strength)
     both = tuple(zip(ratios, (stress.duration, stress.duration_of_change), strict=True))
-    chosen = [_outside(sites, face) for face in sites.faces]
-    return [[face_demand(r[rows], d[rows], area, DCR_LEVELS) for r, d in both] for rows, area in chosen]
+    return [
+        [face_demand(ratio[rows], duration[rows], area, DCR_LEVELS) for ratio, duration in both]
+        for rows, area in _outside_ring(case)
+    ]
 
 
 def _demand(name: str) -> Callable[[Case], Array]:
@@ -116,46 +111,38 @@ def _accepted(case: Case) -> Array:
         [[demand.accepted(DCR_LEVELS, k) for k in kinds] for demand in demands] for demands in _demands(case)
     ]
     values = np.array(met, dtype=np.int8)
-    mostly = _sites(case).ring_shares > MOST_RING
+    mostly = case.sites.ring_shares > MOST_RING
     values[mostly] = np.where(values[mostly] == MET, UNDECIDED, values[mostly])
     return values
 
 
 def _peak_position(case: Case) -> Array:
     """(faces, 3) where the envelope is largest outside the ring; NaN where the ring covers the face [m]."""
-    sites, values = _sites(case), _table("largest", "principal")(case)
-    blocks = case.scene.blocks
-    points = np.concatenate([blocks[name].points[nodes.nodes] for name, nodes in sites.blocks.items()])
-    rows = [_outside(sites, face)[0] for face in sites.faces]
+    values, blocks = case.stress_summary.largest["principal"], case.scene.blocks
+    points = np.concatenate([blocks[name].points[nodes.nodes] for name, nodes in case.sites.blocks.items()])
     return np.array(
         [
-            points[face_nodes[values[face_nodes].argmax()]] if len(face_nodes) else np.full(3, np.nan)
-            for face_nodes in rows
+            points[rows[values[rows].argmax()]] if len(rows) else np.full(3, np.nan)
+            for rows, _ in _outside_ring(case)
         ]
     )
 
 
 def peak_shares(case: Case) -> dict[str, float]:
     """Face -> share of the node with its largest stress in the area outside the ring [%]."""
-    sites, values = _sites(case), _table("largest", "principal")(case)
-    chosen = {face.name: _outside(sites, face) for face in sites.faces}
+    values = case.stress_summary.largest["principal"]
     return {
-        name: 100.0 * float(area[values[rows].argmax()] / area.sum())
-        for name, (rows, area) in chosen.items()
+        face.name: 100.0 * float(area[values[rows].argmax()] / area.sum())
+        for face, (rows, area) in zip(case.sites.faces, _outside_ring(case), strict=True)
         if area.sum() > 0.0
     }
 
 
 def _start_share(case: Case) -> Array:
-    sites, values = _sites(case), _attribute("at_start")(case)
+    sites, values = case.sites, case.stress_summary.at_start
     assert sites.strength is not None
-    chosen = [_outside(sites, face) for face in sites.faces]
-    over = [(area @ (values[rows] > sites.strength), area.sum()) for rows, area in chosen]
+    over = [(area @ (values[rows] > sites.strength), area.sum()) for rows, area in _outside_ring(case)]
     return np.array([100.0 * above / whole if whole else np.nan for above, whole in over])
-
-
-def _attribute(name: str) -> Callable[[Case], Array]:
-    return lambda case: np.asarray(getattr(case.stress, name))
 
 
 def _face_stresses() -> dict[str, Variable]:
@@ -167,7 +154,7 @@ def _face_stresses() -> dict[str, Variable]:
         ):
             text = f"{when}, not exceeded on area_percentile of the face outside the ring"
             dims = ("stress_face", "area_percentile")
-            stresses[name] = Variable(dims, "Pa", text, _percentiles(_table(table, m)), of_faces)
+            stresses[name] = Variable(dims, "Pa", text, _percentiles(of_measure(table, m)), of_faces)
     return stresses
 
 
@@ -199,7 +186,7 @@ FACE_VARIABLES: dict[str, Variable] = {
         ("stress_node",),
         "1",
         "whether the node lies in the ring, where stress is that of the mesh and headlines leave it out",
-        _ring,
+        lambda c: np.concatenate([~nodes.counted for nodes in c.sites.blocks.values()]).astype(np.int8),
         _of_nodes,
         {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "counted left_out"},
     ),
@@ -207,18 +194,22 @@ FACE_VARIABLES: dict[str, Variable] = {
         ("stress_node",),
         "Pa",
         "major principal stress at the first time, of the loads at rest where it starts from them",
-        _attribute("at_start"),
+        lambda c: c.stress_summary.at_start,
         _of_nodes,
     ),
     "ring_share": Variable(
-        ("stress_face",), "%", "share of the face's area that the ring leaves out", _ring_share, of_faces
+        ("stress_face",),
+        "%",
+        "share of the face's area that the ring leaves out",
+        lambda c: 100.0 * c.sites.ring_shares,
+        of_faces,
     ),
     **_face_stresses(),
     "face_start_principal_stress": Variable(
         ("stress_face", "area_percentile"),
         "Pa",
         "start_principal_stress, not exceeded on area_percentile of the face outside the ring",
-        _percentiles(_attribute("at_start")),
+        _percentiles(lambda c: c.stress_summary.at_start),
         of_faces,
     ),
     "face_peak_position": Variable(
@@ -239,7 +230,7 @@ FACE_VARIABLES: dict[str, Variable] = {
         ("stress_node",),
         "1",
         "largest major principal stress of what is more than at the first time, over the tensile strength",
-        lambda c: np.asarray(_attribute("change")(c) / _sites(c).strength),
+        lambda c: np.asarray(c.stress_summary.change) / np.asarray(c.sites.strength),
         _with_strength,
     ),
     "change_inelastic_duration": Variable(
@@ -247,7 +238,7 @@ FACE_VARIABLES: dict[str, Variable] = {
         "s",
         "total duration of the major principal stress of what is more than at the first time, above "
         "dcr_level times the tensile strength",
-        _attribute("duration_of_change"),
+        lambda c: np.asarray(c.stress_summary.duration_of_change),
         _with_strength,
     ),
     "face_demand_capacity_ratio": Variable(
@@ -285,7 +276,7 @@ FACE_VARIABLES: dict[str, Variable] = {
             "references": _MANUAL,
             "flag_values": np.array([UNDECIDED, MISSED, MET], dtype=np.int8),
             "flag_meanings": "undecided missed met",
-            "limits": "; ".join(f"{kind}: {one}" for kind, one in LIMITS.items()),
+            "limits": "; ".join(f"{kind}: {limits}" for kind, limits in LIMITS.items()),
         },
     ),
 }

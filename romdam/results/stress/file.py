@@ -129,17 +129,12 @@ def _stored_digest(file: h5py.File) -> str:
     combined = all("combinations" in group for _, group in written)
     content = hashlib.sha256((FORMAT if combined else BEFORE).encode())
     for name, group in written:
-        first = int(_over_coordinates(group).attrs["first"])
+        first = int(group["combinations" if "combinations" in group else "fields"].attrs["first"])
         content.update(f"{name} {first} {group['fields'].shape}".encode())
         for item in _ARRAYS:
             if item in group:
                 content.update(np.ascontiguousarray(group[item][()]).data)
     return content.hexdigest()
-
-
-def _over_coordinates(group: h5py.Group) -> h5py.Dataset:
-    """The array with a column for each coordinate."""
-    return group["combinations"] if "combinations" in group else group["fields"]
 
 
 def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFields:
@@ -161,23 +156,21 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
             "and run again with model.order: reduced"
         )
     with open_companion_file(result, name, ("stress", FORMAT, BEFORE), _stored_digest) as file:
-        return _read_block(file["blocks"], result, block, nodes)
-
-
-def _read_block(blocks: h5py.Group, result: Path, block: str, nodes: Nodes) -> StressFields:
-    known = np.asarray(blocks[block]["nodes"]) if block in blocks else np.zeros(0, dtype=np.int64)
-    chosen = known if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
-    missing = np.setdiff1d(chosen, known)
-    if missing.size or not known.size:
-        what = f"node {missing[0]} ({missing.size} nodes in all)" if missing.size else "any node"
-        raise ResultError(
-            f"{result}: no stress was kept for {what} of block {block!r}, which has it at {known.size} "
-            "nodes; name the block, a face or the node under outputs.stress, and run again"
-        )
-    group = blocks[block]
-    rows, back = np.unique(np.searchsorted(known, chosen), return_inverse=True)
-    over, fields = _over_coordinates(group), group["fields"][rows][back]
-    first, count = int(over.attrs["first"]), over.shape[-1]
-    combinations = group["combinations"][()] if "combinations" in group else np.eye(count)
-    columns = slice(first, first + count - int(over.attrs.get("carried", 0)))
-    return StressFields(chosen, fields, combinations, group["offset"][rows][back], columns, "")
+        blocks = file["blocks"]
+        known = np.asarray(blocks[block]["nodes"]) if block in blocks else np.zeros(0, dtype=np.int64)
+        chosen = known if nodes is None else np.atleast_1d(np.asarray(nodes, dtype=np.int64))
+        missing = np.setdiff1d(chosen, known)
+        if missing.size or not known.size:
+            what = f"node {missing[0]} ({missing.size} nodes in all)" if missing.size else "any node"
+            raise ResultError(
+                f"{result}: no stress was kept for {what} of block {block!r}, which has it at {known.size} "
+                "nodes; name the block, a face or the node under outputs.stress, and run again"
+            )
+        group = blocks[block]
+        rows, back = np.unique(np.searchsorted(known, chosen), return_inverse=True)
+        fields, offset = group["fields"][rows][back], group["offset"][rows][back]
+        by_coordinate = group["combinations" if "combinations" in group else "fields"]
+        first, count = int(by_coordinate.attrs["first"]), by_coordinate.shape[-1]
+        combinations = group["combinations"][()] if "combinations" in group else np.eye(count)
+        columns = slice(first, first + count - int(by_coordinate.attrs.get("carried", 0)))
+        return StressFields(chosen, fields, combinations, offset, columns, "")

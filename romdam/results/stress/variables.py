@@ -9,20 +9,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from romdam.core.scene import StressSites
+from romdam.postprocess.stress.sections import AXES, SIDES, linearised_stress
 from romdam.postprocess.stress.summary import (
     COMPONENTS,
     DCR_LEVELS,
     MEASURES,
-    StressSummary,
     principal_stresses,
     stress_along,
 )
 from romdam.results.case import Array, Case, Variable
-from romdam.results.stress.faces import FACE_COORDINATES, FACE_VARIABLES
-from romdam.results.stress.sections import SECTION_COORDINATES, SECTION_VARIABLES
+from romdam.results.stress.faces import FACE_COORDINATES, FACE_VARIABLES, of_measure
 
 _NODE = ("stress_node",)
+_SECTIONS_OVER_TIME = ("time", "section", "section_axis")
 _NAMES = {
     "principal": "major principal stress",
     "vertical": "cantilever stress (up along the face on stress faces, else vertical)",
@@ -31,86 +30,38 @@ _NAMES = {
 _MANUALS = "USACE EM 1110-2-6051 (2003), EM 1110-2-6053 (2007)"
 
 
-def _has(case: Case) -> bool:
-    return case.stress is not None
-
-
-def _has_strength(case: Case) -> bool:
-    return case.stress is not None and case.stress.duration is not None
-
-
-def _has_faces(case: Case) -> bool:
-    return _has_strength(case) and bool(_sites(case).faces)
-
-
-def _any_faces(case: Case) -> bool:
-    return case.stress is not None and bool(_sites(case).faces)
-
-
-def _has_probes(case: Case) -> bool:
-    return case.stress is not None and bool(_sites(case).probes)
-
-
-def _sites(case: Case) -> StressSites:
-    assert case.scene.stress is not None
-    return case.scene.stress
-
-
-def _found(case: Case) -> StressSummary:
-    assert case.stress is not None
-    return case.stress
-
-
-def _strength(case: Case) -> float:
-    strength = _sites(case).strength
-    assert strength is not None
-    return strength
-
-
 def _of_nodes(get: Callable[[Case, str], Array]) -> Callable[[Case], Array]:
     """Join what `get` gives for every block's stress nodes, one block after another."""
-    return lambda case: np.concatenate([get(case, name) for name in _sites(case).blocks])
+    return lambda case: np.concatenate([get(case, name) for name in case.sites.blocks])
 
 
 def _axis(name: str) -> Callable[[Case], Array]:
-    return _of_nodes(lambda case, block: np.asarray(getattr(_sites(case).blocks[block], name)))
-
-
-def _node_blocks(case: Case, block: str) -> Array:
-    return np.full(len(_sites(case).blocks[block].nodes), block)
-
-
-def _positions(case: Case, block: str) -> Array:
-    return case.scene.blocks[block].points[_sites(case).blocks[block].nodes]
-
-
-def _measure(table: str, measure: str) -> Callable[[Case], Array]:
-    return lambda case: np.asarray(getattr(_found(case), table)[measure])
+    return _of_nodes(lambda case, block: np.asarray(getattr(case.sites.blocks[block], name)))
 
 
 def _ratio(case: Case) -> Array:
-    return np.asarray(_found(case).largest["principal"] / _strength(case))
+    assert case.sites.strength is not None
+    return np.asarray(case.stress_summary.largest["principal"] / case.sites.strength)
 
 
 def overstressed_areas(case: Case) -> Array:
     """Area of every stress face whose nodes exceed each of DCR_LEVELS at some time, (faces, levels) [m2]."""
-    sites, ratio = _sites(case), _ratio(case)
-    first = dict(zip(sites.blocks, _starts(sites), strict=True))
+    sites, ratio = case.sites, _ratio(case)
+    counts = [len(nodes.nodes) for nodes in sites.blocks.values()]
+    first = dict(zip(sites.blocks, [0, *np.cumsum(counts)[:-1].tolist()], strict=True))
     areas = [face.area @ (ratio[first[face.block] + face.rows][:, None] > DCR_LEVELS) for face in sites.faces]
     return np.array(areas, dtype=float).reshape(-1, len(DCR_LEVELS))
 
 
-def _starts(sites: StressSites) -> list[int]:
-    counts = [len(nodes.nodes) for nodes in sites.blocks.values()]
-    return [0, *np.cumsum(counts)[:-1].tolist()]
+def _of_sections(name: str) -> Callable[[Case], Array]:
+    return lambda case: np.array([getattr(section, name) for section in case.sites.sections])
 
 
-def _face_areas(case: Case) -> Array:
-    return np.array([face.area.sum() for face in _sites(case).faces])
-
-
-def _along(which: int) -> Callable[[Case], Array]:
-    return lambda case: stress_along(_found(case).probes, _found(case).probe_axes[:, which])
+def _linearised_stress(case: Case) -> Array:
+    forces = case.stress_summary.sections
+    return np.stack(
+        [linearised_stress(section, forces[:, k]) for k, section in enumerate(case.sites.sections)], axis=1
+    )
 
 
 def _envelopes() -> dict[str, Variable]:
@@ -119,56 +70,138 @@ def _envelopes() -> dict[str, Variable]:
         text = _NAMES[name]
         low = text.replace("major", "minor")
         envelopes[f"max_{name}_stress"] = Variable(
-            _NODE, "Pa", f"largest {text} over time", _measure("largest", name), _has
+            _NODE, "Pa", f"largest {text} over time", of_measure("largest", name), Case.has_stress
         )
         envelopes[f"min_{name}_stress"] = Variable(
-            _NODE, "Pa", f"smallest {low} over time", _measure("smallest", name), _has
+            _NODE, "Pa", f"smallest {low} over time", of_measure("smallest", name), Case.has_stress
         )
         envelopes[f"max_{name}_stress_time"] = Variable(
-            _NODE, "s", f"time of the largest {text}", _measure("time_of_largest", name), _has
+            _NODE, "s", f"time of the largest {text}", of_measure("time_of_largest", name), Case.has_stress
         )
         envelopes[f"worst_{name}_stress"] = Variable(
-            _NODE, "Pa", f"{text} at worst_{name}_time", _measure("at_worst", name), _has
+            _NODE, "Pa", f"{text} at worst_{name}_time", of_measure("at_worst", name), Case.has_stress
         )
         envelopes[f"worst_{name}_time"] = Variable(
             (),
             "s",
             f"time at which the {text} is largest anywhere outside the ring",
-            _measure("worst_time", name),
-            _has,
+            of_measure("worst_time", name),
+            Case.has_stress,
         )
     return envelopes
 
 
-STRESS_COORDINATES: dict[str, Variable] = {
-    "stress_block": Variable(_NODE, "", "block of the stress node", _of_nodes(_node_blocks), _has),
-    "stress_node_number": Variable(_NODE, "1", "node number in its block", _axis("nodes"), _has),
-    "stress_position": Variable(
-        ("stress_node", "component"), "m", "position of the stress node", _of_nodes(_positions), _has
+SECTION_COORDINATES: dict[str, Variable] = {
+    "section": Variable(("section",), "", "name of the section", _of_sections("name"), Case.has_sections),
+    "section_axis": Variable(
+        ("section_axis",),
+        "",
+        "normal, and two axes in the plane",
+        lambda c: np.array(AXES),
+        Case.has_sections,
     ),
-    "stress_up": Variable(("stress_node", "component"), "1", "cantilever direction", _axis("up"), _has),
-    "stress_arch": Variable(("stress_node", "component"), "1", "arch direction", _axis("arch"), _has),
+    "section_side": Variable(
+        ("section_side",),
+        "",
+        "end of the section along an axis in its plane",
+        lambda c: np.array(SIDES),
+        Case.has_sections,
+    ),
+    "section_axes": Variable(
+        ("section", "section_axis", "component"),
+        "1",
+        "axes of the section",
+        _of_sections("axes"),
+        Case.has_sections,
+    ),
+    "section_centroid": Variable(
+        ("section", "component"),
+        "m",
+        "centroid of the section's area",
+        _of_sections("centroid"),
+        Case.has_sections,
+    ),
+    "section_area": Variable(
+        ("section",), "m2", "area of the section", _of_sections("area"), Case.has_sections
+    ),
+    "section_side_position": Variable(
+        ("section", "section_side", "component"),
+        "m",
+        "ends of the section through its centroid",
+        _of_sections("sides"),
+        Case.has_sections,
+    ),
+}
+
+SECTION_VARIABLES: dict[str, Variable] = {
+    "section_force": Variable(
+        _SECTIONS_OVER_TIME,
+        "N",
+        "resultant of the stress on the section: normal force, tension positive, and shear along its axes",
+        lambda c: c.stress_summary.sections[..., :3],
+        Case.has_sections,
+    ),
+    "section_moment": Variable(
+        _SECTIONS_OVER_TIME,
+        "N m",
+        "moment of the stress about the section's axes through the centroid; about the normal it is torsion",
+        lambda c: c.stress_summary.sections[..., 3:],
+        Case.has_sections,
+    ),
+    "section_stress": Variable(
+        ("time", "section", "section_side"),
+        "Pa",
+        "linearised normal stress N/A and M y/I at the ends of the section, tension positive",
+        _linearised_stress,
+        Case.has_sections,
+    ),
+}
+
+STRESS_COORDINATES: dict[str, Variable] = {
+    "stress_block": Variable(
+        _NODE,
+        "",
+        "block of the stress node",
+        _of_nodes(lambda c, block: np.full(len(c.sites.blocks[block].nodes), block)),
+        Case.has_stress,
+    ),
+    "stress_node_number": Variable(_NODE, "1", "node number in its block", _axis("nodes"), Case.has_stress),
+    "stress_position": Variable(
+        ("stress_node", "component"),
+        "m",
+        "position of the stress node",
+        _of_nodes(lambda c, block: c.scene.blocks[block].points[c.sites.blocks[block].nodes]),
+        Case.has_stress,
+    ),
+    "stress_up": Variable(
+        ("stress_node", "component"), "1", "cantilever direction", _axis("up"), Case.has_stress
+    ),
+    "stress_arch": Variable(
+        ("stress_node", "component"), "1", "arch direction", _axis("arch"), Case.has_stress
+    ),
     "stress_component": Variable(
         ("stress_component",),
         "",
         "component of the stress tensor",
         lambda c: np.array(COMPONENTS),
-        _has,
+        Case.has_stress,
     ),
-    "dcr_level": Variable(("dcr_level",), "1", "demand-capacity ratio", lambda c: DCR_LEVELS, _has_strength),
+    "dcr_level": Variable(
+        ("dcr_level",), "1", "demand-capacity ratio", lambda c: DCR_LEVELS, Case.has_stress_duration
+    ),
     "stress_face": Variable(
         ("stress_face",),
         "",
         "name of the face",
-        lambda c: np.array([face.name for face in _sites(c).faces], dtype=str),
-        _any_faces,
+        lambda c: np.array([face.name for face in c.sites.faces], dtype=str),
+        Case.has_stress_faces,
     ),
     "stress_probe": Variable(
         ("stress_probe",),
         "",
         "name of the node with stress histories",
-        lambda c: np.array(list(_sites(c).probes), dtype=str),
-        _has_probes,
+        lambda c: np.array(list(c.sites.probes), dtype=str),
+        Case.has_stress_probes,
     ),
     **FACE_COORDINATES,
     **SECTION_COORDINATES,
@@ -180,53 +213,71 @@ STRESS_VARIABLES: dict[str, Variable] = {
         ("stress_node", "stress_component"),
         "Pa",
         "stress tensor at worst_principal_time, tension positive",
-        lambda c: _found(c).tensor,
-        _has,
+        lambda c: c.stress_summary.tensor,
+        Case.has_stress,
     ),
     "tensile_strength": Variable(
-        (), "Pa", "tensile strength", lambda c: np.asarray(_strength(c)), _has_strength
+        (), "Pa", "tensile strength", lambda c: np.asarray(c.sites.strength), Case.has_stress_duration
     ),
     "demand_capacity_ratio": Variable(
         _NODE,
         "1",
         "largest major principal stress over the tensile strength",
         _ratio,
-        _has_strength,
+        Case.has_stress_duration,
         {"references": _MANUALS},
     ),
     "cumulative_inelastic_duration": Variable(
         ("stress_node", "dcr_level"),
         "s",
         "total duration of the major principal stress above dcr_level times the tensile strength",
-        lambda c: np.asarray(_found(c).duration),
-        _has_strength,
+        lambda c: np.asarray(c.stress_summary.duration),
+        Case.has_stress_duration,
         {"references": _MANUALS},
     ),
-    "stress_face_area": Variable(("stress_face",), "m2", "area of the face", _face_areas, _any_faces),
+    "stress_face_area": Variable(
+        ("stress_face",),
+        "m2",
+        "area of the face",
+        lambda c: np.array([face.area.sum() for face in c.sites.faces]),
+        Case.has_stress_faces,
+    ),
     "overstressed_area": Variable(
         ("stress_face", "dcr_level"),
         "m2",
         "area of the face that exceeds dcr_level times the tensile strength at some time",
         overstressed_areas,
-        _has_faces,
+        lambda c: c.has_stress_duration() and bool(c.sites.faces),
         {"references": _MANUALS},
     ),
     "stress": Variable(
         ("time", "stress_probe", "stress_component"),
         "Pa",
         "stress tensor, tension positive",
-        lambda c: _found(c).probes,
-        _has_probes,
+        lambda c: c.stress_summary.probes,
+        Case.has_stress_probes,
     ),
     "principal_stress": Variable(
         ("time", "stress_probe", "principal"),
         "Pa",
         "principal stresses, major first, tension positive",
-        lambda c: principal_stresses(_found(c).probes),
-        _has_probes,
+        lambda c: principal_stresses(c.stress_summary.probes),
+        Case.has_stress_probes,
     ),
-    "vertical_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["vertical"], _along(0), _has_probes),
-    "arch_stress": Variable(("time", "stress_probe"), "Pa", _NAMES["arch"], _along(1), _has_probes),
+    "vertical_stress": Variable(
+        ("time", "stress_probe"),
+        "Pa",
+        _NAMES["vertical"],
+        lambda c: stress_along(c.stress_summary.probes, c.stress_summary.probe_axes[:, 0]),
+        Case.has_stress_probes,
+    ),
+    "arch_stress": Variable(
+        ("time", "stress_probe"),
+        "Pa",
+        _NAMES["arch"],
+        lambda c: stress_along(c.stress_summary.probes, c.stress_summary.probe_axes[:, 1]),
+        Case.has_stress_probes,
+    ),
     **FACE_VARIABLES,
     **SECTION_VARIABLES,
 }

@@ -1,4 +1,4 @@
-"""The samples of a suite as a Dataset: the full grid, a Latin hypercube, or a table."""
+"""What a suite runs: its samples, the full grid, a Latin hypercube or a table, and factors on its records."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ from romdam.config.sections.suite import (
     SuiteConfig,
 )
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConfigError, quote
+from romdam.core.errors import ConfigError, RecordError, quote
 from romdam.core.files import check_file
 from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import GroundMotion
+from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
 
 _MOST_TABLE = 1e9  # bytes
@@ -44,18 +46,15 @@ def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
     for name, key in places.items():
         for joint in key.joints or ("",):
             other = taken.setdefault((joint, key.keys[0]), name)
-            if other != name and (key.keys == places[other].keys or not _beside(key, places[other])):
+            # two keys of one section can vary together, as damping.rayleigh.alpha and .beta
+            together = len(key.keys) == len(places[other].keys) == 2
+            if other != name and (key.keys == places[other].keys or not together):
                 raise ConfigError(
                     f"{source}: suite.parameters.{name}.path: {key.path} varies what parameter "
                     f"{other!r} "
                     f"({places[other].path}) does; remove one of the two"
                 )
     return places
-
-
-def _beside(first: VariedKey, other: VariedKey) -> bool:
-    """Tell whether two keys of one section can vary together, as damping.rayleigh.alpha and .beta."""
-    return len(first.keys) == len(other.keys) == 2
 
 
 def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]) -> xr.Dataset:
@@ -74,7 +73,9 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         values = _latin_hypercube(design, suite.parameters, places, source)
         kind = f"Latin hypercube, seed {design.seed}"
     else:
-        values = _grid(suite.parameters, places, source)
+        levels = [_levels(name, each, places[name], source) for name, each in suite.parameters.items()]
+        rows = list(itertools.product(*levels))
+        values = {name: np.array([row[i] for row in rows]) for i, name in enumerate(suite.parameters)}
         kind = "full grid"
     count = len(next(iter(values.values()))) if values else 1
     data = {
@@ -107,14 +108,6 @@ def _range(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -
             f"{parameter.high}"
         )
     return low, high
-
-
-def _grid(
-    parameters: Mapping[str, ParameterConfig], places: Mapping[str, VariedKey], source: str
-) -> dict[str, Floats]:
-    levels = {name: _levels(name, parameter, places[name], source) for name, parameter in parameters.items()}
-    rows = list(itertools.product(*levels.values()))
-    return {name: np.array([row[i] for row in rows]) for i, name in enumerate(levels)}
 
 
 def _latin_hypercube(
@@ -152,7 +145,14 @@ def _unit_samples(samples: int, parameters: int, seed: int) -> Floats:
 
 
 def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
-    lines = _lines(path)
+    """Read the samples of a table: a line of names, then a line for each sample."""
+    check_file(path, _MOST_TABLE, ConfigError)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, skipinitialspace=True, strict=True)
+            lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
     if len(lines) < 2:
         raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
     if len(lines) > MOST_RUNS + 1:
@@ -169,25 +169,42 @@ def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
                 f"{path}: line {number}: has {len(cells)} values for {len(columns)} columns; separate them "
                 "by commas, and write numbers with a decimal point"
             )
-    return {
-        name: np.array([_cell(path, number, cells[at], name, key) for number, cells in lines[1:]])
-        for name, key in places.items()
-        for at in (columns.index(name),)
-    }
+    values = {}
+    for name, key in places.items():
+        at = columns.index(name)
+        for number, cells in lines[1:]:
+            if not cells[at]:
+                raise ConfigError(f"{path}: line {number}: no value for {name}")
+        values[name] = np.array(
+            [si_value(key, cells[at], name, f"{path}: line {number}") for number, cells in lines[1:]]
+        )
+    return values
 
 
-def _lines(path: Path) -> list[tuple[int, list[str]]]:
-    """Number and cells of every line of a table that is not empty."""
-    check_file(path, _MOST_TABLE, ConfigError)
+def scale_count(suite: SuiteConfig) -> int:
+    """Count the scales that each record is run at."""
+    return len(suite.scales if suite.intensities is None else suite.intensities.values)
+
+
+def no_factors(suite: SuiteConfig) -> Floats:
+    """Return (scales,) NaN for a record that cannot be used."""
+    return np.full(scale_count(suite), np.nan)
+
+
+def scale_factors(suite: SuiteConfig, motion: GroundMotion) -> tuple[Floats, str]:
+    """Compute the multipliers (scales,) of a record, and say why it cannot be scaled; empty where it can."""
+    target = suite.intensities
+    if target is None:
+        return np.array(suite.scales), ""
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, skipinitialspace=True, strict=True)
-            return [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
-
-
-def _cell(path: Path, line: int, text: str, name: str, key: VariedKey) -> float:
-    if not text:
-        raise ConfigError(f"{path}: line {line}: no value for {name}")
-    return si_value(key, text, name, f"{path}: line {line}")
+        measured = intensity(motion, target.period, target.damping, target.of)
+    except RecordError as error:
+        return no_factors(suite), f"{motion.name}: suite.intensities: {error}"
+    if measured <= 0.0:
+        return no_factors(suite), f"{motion.name}: cannot be scaled to {target.measure}, it does not move"
+    with np.errstate(over="ignore"):
+        factors = np.array(target.values) / measured
+    if not np.isfinite(factors).all():
+        why = f"{motion.name}: cannot be scaled to {target.measure}, it has {measured:g} m/s2"
+        return no_factors(suite), why
+    return factors, ""

@@ -81,10 +81,6 @@ def _at_rest(history: History) -> Floats:
     return np.asarray(history.jump[kept].mean(axis=0))
 
 
-def _residual_slip(case: Case) -> Array:
-    return case.per_joint(np.hypot(*_at_rest(case.history)[:, 1:3].T), np.max)
-
-
 def _time_in(state: int) -> Callable[[Case], Array]:
     """Time during which any gap of a joint is in a state, by the written rows."""
 
@@ -101,19 +97,6 @@ def _open_share(case: Case) -> Array:
     area = case.of_gaps("whole_area")
     is_open = (case.history.state == OPEN).T * area[:, None]
     return case.per_joint(is_open, lambda part: part.sum(axis=0)) / case.per_joint(area, np.sum)[:, None]
-
-
-def _half_open(case: Case) -> Array:
-    return np.asarray((_open_share(case) > _HALF) @ row_seconds(case.history.time))
-
-
-def _peak_displacement(case: Case) -> Array:
-    return np.abs(case.history.disp).max(axis=0).reshape(-1, 3)
-
-
-def _peak_stress(case: Case) -> Array:
-    assert case.stress is not None
-    return np.array([case.stress.largest[name].max() for name in STRESS])
 
 
 def _at_the_end(name: str) -> Variable:
@@ -163,7 +146,7 @@ ROWS: dict[str, Variable] = {
         _JOINT,
         "m",
         f"largest tangential displacement of a gap, averaged over the last {REST:g} s",
-        _residual_slip,
+        lambda c: c.per_joint(np.hypot(*_at_rest(c.history)[:, 1:3].T), np.max),
         _WITH_SHEAR,
     ),
     "any_gap_open_duration": Variable(
@@ -173,7 +156,7 @@ ROWS: dict[str, Variable] = {
         _JOINT,
         "s",
         "time in which more than half of the joint's area is open, by the written rows",
-        _half_open,
+        lambda c: np.asarray((_open_share(c) > _HALF) @ row_seconds(c.history.time)),
         _WITH_JOINTS,
     ),
     "mean_open_share": Variable(
@@ -191,14 +174,14 @@ ROWS: dict[str, Variable] = {
         ("node", "component"),
         "m",
         "largest displacement relative to the base, either sign",
-        _peak_displacement,
+        lambda c: np.abs(c.history.disp).max(axis=0).reshape(-1, 3),
         VARIABLES["displacement"].when,
     ),
     "peak_stress": Variable(
         ("stress_measure",),
         "Pa",
         "largest stress over all nodes and written times, those in the ring too",
-        _peak_stress,
+        lambda c: np.array([c.stress_summary.largest[name].max() for name in STRESS]),
         VARIABLES["worst_stress"].when,
     ),
     "face_stress": Variable(

@@ -34,6 +34,7 @@ from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, RunIndex,
 from romdam.results.variables import COORDINATES
 
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
+_RUN = ("record", "scale", "sample")
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
 _FOLDER, _BESIDE = "results_folder", "."  # attribute of the summary; a plain job's results lie beside it
 
@@ -96,35 +97,53 @@ def summary_dataset(
         for at, row in rows.items():
             if name in row.values:
                 whole[at] = row.values[name]
-        data[name] = (("record", "scale", "sample", *dims_of(name)), whole, attributes_of(name))
-    data |= _entries(records) | _measures(job, records)
-    data |= _status(shape, records, rows)
-    data["file"] = _files(shape, rows, _results_folder(job))
-    contents = fingerprint([(run, row.key) for run, row in sorted(rows.items(), key=itemgetter(0))])
-    said = {
-        record.name: list(record.motion.warnings)
-        for record in records
-        if record.motion and record.motion.warnings
-    }
-    attributes = _attributes(job, design) | {
-        "record_warnings": json.dumps(said),
-        _FOLDER: _results_folder(job),
-        "runs_sha256": contents,
-    }
-    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+        data[name] = ((*_RUN, *dims_of(name)), whole, attributes_of(name))
+    data |= _measures(job, records)
 
-
-def _entries(records: Sequence[SuiteRecord]) -> dict[str, Any]:
-    """What the records' own entries have done to them, besides the suite's scale."""
-    motions, unknown = [record.motion for record in records], np.full(3, np.nan)
-    factors = np.array([unknown if motion is None else motion.entry_factors for motion in motions])
-    matched = np.array([motion is not None and motion.is_matched for motion in motions], dtype=np.int8)
+    # what the records' own entries have done to them, besides the suite's scale
+    unknown = np.full(3, np.nan)
+    factors = np.array([unknown if r.motion is None else r.motion.entry_factors for r in records])
+    matched = np.array([r.motion is not None and r.motion.is_matched for r in records], dtype=np.int8)
     by = "what `scale`, and a target, of the record's entry multiply it by, besides scale_factor"
     flags = {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "not_matched matched"}
-    return {
-        "entry_factor": (("record", "component"), factors, {"units": "1", "long_name": by}),
-        "matched": ("record", matched, {"long_name": "whether its spectrum was matched to a target"} | flags),
+    data["entry_factor"] = (("record", "component"), factors, {"units": "1", "long_name": by})
+    data["matched"] = (
+        "record",
+        matched,
+        {"long_name": "whether its spectrum was matched to a target"} | flags,
+    )
+
+    status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
+    files = np.full(shape, "", dtype=object)
+    for i, record in enumerate(records):
+        if record.motion is None:
+            message[i] = record.message
+    for at, row in rows.items():
+        status[at], message[at] = FAILED if row.message else DONE, row.message
+        files[at] = "" if row.kept is None else row.kept.file
+    flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
+    data["status"] = (_RUN, status, {"long_name": "whether the run succeeded"} | flags)
+    data["message"] = (_RUN, message.astype(str), {"long_name": "why a run failed"})
+    results_folder = RUNS_FOLDER if job.config.pipeline == "suite" else _BESIDE
+    where = "beside this file" if results_folder == _BESIDE else f"in {results_folder}"
+    data["file"] = (_RUN, files.astype(str), {"long_name": f"the run's own result {where}, if kept"})
+
+    warnings = {r.name: list(r.motion.warnings) for r in records if r.motion and r.motion.warnings}
+    attributes = {
+        "title": job.config.title or job.path.stem,
+        "source": f"romdam {romdam.__version__}",
+        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "configuration_file": job.path.name,
+        "configuration": json.dumps(job.config.model_dump(mode="json")),
+        "configuration_sha256": job.digest,
+        "design": design.attrs["design"],
+        "design_sha256": design.attrs["content_sha256"],
+        "versions": library_versions(),
+        "record_warnings": json.dumps(warnings),
+        _FOLDER: results_folder,
+        "runs_sha256": fingerprint([(run, row.key) for run, row in sorted(rows.items(), key=itemgetter(0))]),
     }
+    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
@@ -139,49 +158,19 @@ def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:
             measures_at_scales(m, record.factors, period, of)
             for m, record in zip(motions, records, strict=True)
         ]
-        whose = (
-            ""
-            if duration is None
-            else f", of the {duration:g} s analysed"
-            if span
-            else ", of the whole record"
-        )
+        if duration is None:
+            stretch = ""
+        else:
+            stretch = f", of the {duration:g} s analysed" if span else ", of the whole record"
         for name in (*MEASURES, "sa"):
-            about = _about_measure(name, period, of)
-            about["long_name"] += whose
+            pseudo = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
+            units, long_name = pseudo if name == "sa" else MEASURES[name]
+            if name not in ("duration", "dt"):  # which are of the record, not of a component
+                long_name += f" of the {NAMED[of]}" + ("" if units == "s" else ", scaled")
             values = np.array([values[name] for values in measured])
+            about = {"units": units, "long_name": long_name + stretch}
             data[f"{prefix}_{name}"] = (("record", "scale"), values, about)
     return data
-
-
-def _results_folder(job: Job) -> str:
-    return RUNS_FOLDER if job.config.pipeline == "suite" else _BESIDE
-
-
-def _files(shape: tuple[int, ...], rows: Mapping[RunIndex, Row], folder: str) -> Any:
-    files = np.full(shape, "", dtype=object)
-    for at, row in rows.items():
-        files[at] = "" if row.kept is None else row.kept.file
-    where = "beside this file" if folder == _BESIDE else f"in {folder}"
-    about = {"long_name": f"the run's own result {where}, if kept"}
-    return ("record", "scale", "sample"), files.astype(str), about
-
-
-def _status(
-    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
-) -> dict[str, Any]:
-    status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
-    for i, record in enumerate(records):
-        if record.motion is None:
-            message[i] = record.message
-    for at, row in rows.items():
-        status[at], message[at] = FAILED if row.message else DONE, row.message
-    dims = ("record", "scale", "sample")
-    flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
-    return {
-        "status": (dims, status, {"long_name": "whether the run succeeded"} | flags),
-        "message": (dims, message.astype(str), {"long_name": "why a run failed"}),
-    }
 
 
 def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
@@ -195,17 +184,6 @@ def _scales(job: Job) -> tuple[Floats, dict[str, str]]:
         "units": "m s-2",
         "long_name": f"target {target.measure}{period} of the {NAMED[target.of]}",
     }
-
-
-def _about_measure(name: str, period: float, of: str) -> dict[str, str]:
-    if name == "sa":
-        about = ("m s-2", f"pseudo-spectral acceleration at {period:g} s, 5 % damping")
-    else:
-        about = MEASURES[name]
-    if name in ("duration", "dt"):  # of the record, not of a component
-        return {"units": about[0], "long_name": about[1]}
-    whose = f" of the {NAMED[of]}" + ("" if about[0] == "s" else ", scaled")
-    return {"units": about[0], "long_name": about[1] + whose}
 
 
 def _coordinates(
@@ -241,20 +219,6 @@ def _coordinates(
         about = {"long_name": "stress whose largest value is told"}
         coords["stress_measure"] = ("stress_measure", np.array(STRESS, dtype=str), about)
     return coords
-
-
-def _attributes(job: Job, design: xr.Dataset) -> dict[str, object]:
-    return {
-        "title": job.config.title or job.path.stem,
-        "source": f"romdam {romdam.__version__}",
-        "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "configuration_file": job.path.name,
-        "configuration": json.dumps(job.config.model_dump(mode="json")),
-        "configuration_sha256": job.digest,
-        "design": design.attrs["design"],
-        "design_sha256": design.attrs["content_sha256"],
-        "versions": library_versions(),
-    }
 
 
 def write_summary(dataset: xr.Dataset, folder: Path) -> Path:
@@ -316,17 +280,13 @@ def open_suite(folder: str | Path) -> xr.DataTree:
 def kept_results(summary: xr.Dataset, folder: Path) -> dict[RunIndex, Path]:
     """Index of a run -> file of its own result, of every run that has one."""
     if "file" not in summary:  # romdam 0.1 named them so
-        return _kept_before(summary, folder / RUNS_FOLDER)
+        numbers = {str(name): i for i, name in enumerate(summary.record.values)}
+        kept = {}
+        for path in sorted((folder / RUNS_FOLDER).glob("*.nc")):
+            words = path.stem.rsplit("__", 2)
+            if len(words) == 3 and words[0] in numbers and words[1].isdigit() and words[2].isdigit():
+                kept[numbers[words[0]], int(words[1]), int(words[2])] = path
+        return kept
     inside = folder if summary.attrs.get(_FOLDER) == _BESIDE else folder / RUNS_FOLDER
     cells = np.ndenumerate(summary.file.transpose(*RUNS).values)
     return {(at[0], at[1], at[2]): inside / Path(str(file)).name for at, file in cells if file}
-
-
-def _kept_before(summary: xr.Dataset, folder: Path) -> dict[RunIndex, Path]:
-    names = {str(name): i for i, name in enumerate(summary.record.values)}
-    stems = {path: path.stem.rsplit("__", 2) for path in sorted(folder.glob("*.nc"))}
-    return {
-        (names[parts[0]], int(parts[1]), int(parts[2])): path
-        for path, parts in stems.items()
-        if len(parts) == 3 and parts[0] in names and parts[1].isdigit() and parts[2].isdigit()
-    }
