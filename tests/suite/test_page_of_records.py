@@ -22,7 +22,7 @@ from romdam.core.errors import ConfigError, RecordError
 from romdam.postprocess.dependence import correlation
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.run_columns import run_columns
-from romdam.results.suite import tables
+from romdam.results import table
 from romdam.results.suite.report_data import DATA
 from romdam.results.table import write_tables
 from romdam.visual.report import runs
@@ -186,7 +186,7 @@ def test_one_record_has_no_summary_and_no_page(tmp_path):
 
 def test_what_the_end_would_refuse_is_refused_before_the_first_run(tmp_path, monkeypatch):
     config = plain(tmp_path, outputs=BASE["outputs"] | {"xlsx": True, "plots": False})
-    monkeypatch.setattr(tables, "find_spec", lambda name: None)
+    monkeypatch.setattr(table, "find_spec", lambda name: None)
     with pytest.raises(ConfigError, match=r"outputs.xlsx: needs the package XlsxWriter; .* extra `xlsx`"):
         romdam.run(romdam.load_config(config), tmp_path / "out")
     monkeypatch.undo()
