@@ -226,3 +226,11 @@ def test_an_empty_cell_is_a_missing_value_of_its_own_column(tmp_path):
     first, second = read_channels(tmp_path / "r.csv", Declared(time_column=1))
     np.testing.assert_array_equal(first.data, [1.0, np.nan, 3.0])
     np.testing.assert_array_equal(second.data, [4.0, 5.0, 6.0])
+
+
+def test_quoted_whole_numbers_that_commas_part_are_columns(tmp_path):
+    """Each number in quotes, none with a point: no comma stands within a number."""
+    counts = np.round(1000.0 * ACC).astype(int)
+    text = "".join(f'"{first}","{second}"\n' for first, second in zip(counts, counts[::-1], strict=True))
+    (motion,) = load(tmp_path, text, dt=samples.DT, unit="0.001 m/s2", layout="columns", components={"y": 2})
+    np.testing.assert_allclose(motion.acc[1], 1e-3 * counts[::-1], atol=1e-9)

@@ -106,7 +106,7 @@ def geonet(values: Array, corrected: bool = False) -> str:
 
 def smc_uneven(times: Array, values: Array) -> str:
     """USGS SMC, version 1 of film: pairs of a time and a value in cm/s2, no rate, a stray row at the end."""
-    from romdam.records.formats.smc import NULL_INTEGER, NULL_REAL, _short
+    from romdam.records.formats.smc import NULL_INTEGER, NULL_REAL, short_real
 
     integers, reals = [NULL_INTEGER] * 48, np.full(50, NULL_REAL)
     pairs = np.column_stack([times, 100.0 * values]).ravel()
@@ -116,8 +116,8 @@ def smc_uneven(times: Array, values: Array) -> str:
     lines = ["1 UNCORRECTED ACCELEROGRAM", "*", "SOB", "1989 10 18 Loma Prieta, CA", "Moment Mag=  7.1"]
     lines += ["station = San Francisco, 575 Market component=     45", *["*"] * 5]
     lines += rows(np.array(integers), 8, "10d") + rows(reals, 5, "15.7E")
-    lines += ["".join(map(_short, pairs[i : i + 8])) for i in range(0, pairs.size, 8)]
-    return text([*lines, "".join(map(_short, [49.991, -13.8, 49.992, -13.9]))])
+    lines += ["".join(map(short_real, pairs[i : i + 8])) for i in range(0, pairs.size, 8)]
+    return text([*lines, "".join(map(short_real, [49.991, -13.8, 49.992, -13.9]))])
 
 
 def dyna(values: Array, keys: int) -> str:

@@ -17,8 +17,7 @@ import numpy as np
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, NoAccelerationError, Orientation, parse_orientation
-from romdam.records.formats.stated import acceleration_unit
-from romdam.records.formats.text import TextFile, read_text
+from romdam.records.formats.text import TextFile, acceleration_unit, read_text
 
 HEADER_LINES = 4
 MOST_HEADER = 10  # lines, with prose above the last
@@ -46,14 +45,6 @@ def is_at2(head: str) -> bool:
     return last > 0 and not any(_ALL_NUMBERS.fullmatch(line) for line in lines[:last])
 
 
-def _last_line(text: TextFile) -> int:
-    """Index of the header's last line, which announces NPTS and DT."""
-    for index in range(HEADER_LINES - 1, min(MOST_HEADER, len(text.lines))):
-        if _KEYED.search(text.head(index)):
-            return index
-    return HEADER_LINES - 1
-
-
 def read_at2(path: Path) -> list[Channel]:
     """Read one component.
 
@@ -63,7 +54,8 @@ def read_at2(path: Path) -> list[Channel]:
         for velocity or displacement files, a count that is not met, or text that is no number.
     """
     text = read_text(path)
-    last = _last_line(text)
+    possible = range(HEADER_LINES - 1, min(MOST_HEADER, len(text.lines)))
+    last = next((index for index in possible if _KEYED.search(text.head(index))), HEADER_LINES - 1)
     for index in range(last):
         series = _SERIES.search(text.head(index))
         if series is not None and series[1].upper() != "ACCELERATION":
@@ -88,35 +80,33 @@ def read_at2(path: Path) -> list[Channel]:
             f"{path}: line {line}: the header announces NPTS = {count}, the file holds {values.size} values; "
             "it is cut short or joined with another, fetch it again"
         )
-    if not peers:
-        meta: dict[str, object] = {"format": "AT2", "event": text.head(0).strip(), "station": ""}
-        return [Channel(path.stem, values, dt, _unit(text, last), None, "", meta, warnings)]
-    event, station, component = _title(text.head(1))
-    meta = {"format": "AT2", "event": event, "station": station, "component": component}
-    meta |= {f"{k.lower()}_corner_hz": float(v) for k, v in _FILTER.findall(text.head(2)) if _is_number(v)}
-    code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
-    return [Channel(code, values, dt, _unit(text, last), parse_orientation(code), "", meta, warnings)]
-
-
-def _is_number(word: str) -> bool:
-    return word.count(".") <= 1 and word.strip(".") != ""
-
-
-def _unit(text: TextFile, last: int) -> str:
-    """The unit that a line of the header states: "IN UNITS OF G", "The units are (g)"."""
-    for index in range(last):
+    unit = ""
+    for index in range(last):  # "IN UNITS OF G", "The units are (g)"
         if match := _UNITS.search(text.head(index)) or _UNITS_ARE.search(text.head(index)):
             unit = acceleration_unit(match[1].rstrip(" .,;"))
             if not unit:
-                raise text.fail(
-                    index,
-                    f"the unit {match[1].strip()[:40]!r} is no acceleration that is known, such as G",
-                )
-            return unit
-    return ""
+                word = match[1].strip()[:40]
+                raise text.fail(index, f"the unit {word!r} is no acceleration that is known, such as G")
+            break
+    if not peers:
+        meta: dict[str, object] = {"format": "AT2", "event": text.head(0).strip(), "station": ""}
+        return [Channel(path.stem, values, dt, unit, None, "", meta, warnings)]
+    event, station, component = text.head(1).strip(), "", ""
+    title = [word.strip() for word in text.head(1).split(",")]
+    if len(title) == 3:  # event, station, component
+        event, station, component = title
+    elif len(title) > 3:  # event, date, station, component
+        event, station, component = ", ".join(title[:2]), ", ".join(title[2:-1]), title[-1]
+    meta = {"format": "AT2", "event": event, "station": station, "component": component}
+    for name, corner in _FILTER.findall(text.head(2)):
+        if corner.count(".") <= 1 and corner.strip("."):
+            meta[f"{name.lower()}_corner_hz"] = float(corner)
+    code = (component.split() or [path.stem])[0]  # "090 (CUE)" names the network behind the azimuth
+    return [Channel(code, values, dt, unit, parse_orientation(code), "", meta, warnings)]
 
 
 def _count_and_dt(text: TextFile, last: int) -> tuple[int, float]:
+    """Number of values and interval [s] of the header's last line."""
     line = text.head(last)
     match = _KEYED.search(line) or _BARE.search(line)
     if match is None:
@@ -130,15 +120,6 @@ def _count_and_dt(text: TextFile, last: int) -> tuple[int, float]:
     if count < 1 or dt <= 0.0:
         raise text.fail(last, f"NPTS and DT must be positive, got {count} and {dt:g} s")
     return count, dt
-
-
-def _title(line: str) -> tuple[str, str, str]:
-    """Split "event, [date,] station, component"."""
-    parts = [word.strip() for word in line.split(",")]
-    if len(parts) < 3:
-        return line.strip(), "", ""
-    event = ", ".join(parts[:2]) if len(parts) > 3 else parts[0]
-    return event, ", ".join(parts[2:-1]) if len(parts) > 3 else parts[1], parts[-1]
 
 
 def write_at2(channel: Channel, path: Path) -> None:

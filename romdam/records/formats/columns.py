@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel
-from romdam.records.formats.stated import PEAK_SHARE, acceleration_unit
-from romdam.records.formats.text import TextFile, read_text, split_words
+from romdam.records.formats.text import PEAK_SHARE, TextFile, acceleration_unit, read_text, split_words
 from romdam.records.plausible import DOUBTED_UNIT
 
 Array = NDArray[np.float64]
@@ -109,6 +108,19 @@ class _Table:
     named_apart: bool
     warnings: tuple[str, ...]
 
+    def times(self, number: int, text: TextFile) -> Array:
+        """Times (rows,) of column `number`, from 1 [s]."""
+        if number > self.values.shape[1]:
+            raise text.fail(0, f"time_column is {number}, the file has {self.values.shape[1]} columns")
+        name = self.names.get(number - 1, "")
+        match = _BRACKETS.search(name)
+        unit = match[1].lower().rstrip(".") if match else ""
+        if match and unit not in _SECONDS:
+            if acceleration_unit(unit) or _OTHER_UNIT.fullmatch(unit):
+                raise text.fail(0, f"time_column is {number}, which is named {name!r}: no times in s or ms")
+            unit = ""
+        return _SECONDS[unit] * self.values[:, number - 1]
+
 
 def is_columns(head: str) -> bool:
     """Tell whether a file starts with rows of numbers, after comments and at most one line of names."""
@@ -155,20 +167,27 @@ def read_columns(
     """
     text, layout = read_text(path), layout or Layout()
     table = _read_table(text, layout)
+    count, width = table.values.shape
     if time_column is not None:
-        dt = _even_dt(_times(table, time_column, text), text, table.first)
+        times = table.times(time_column, text)
+        dt = _even_dt(times, text, table.first)
     if dt is None:
-        raise text.fail(0, f"plain text does not say its interval; {_interval_remedy(table)}")
+        remedy = "give `dt` or `time_column`"
+        for i in range(width if count >= MANY else 0):
+            if step := _rises(table.values[:, i]):
+                remedy = f"column {i + 1} rises evenly by {step:g}: give `time_column: {i + 1}`, or `dt`"
+                break
+        raise text.fail(0, f"plain text does not say its interval; {remedy}")
     left, warnings = _not_channels(text, table, dt, time_column)
     if layout.layout is None and time_column is None and not left:
         _refuse_wrapped(text, table)
     warnings = (*table.warnings, *warnings)
     if amid := [index + 1 for index, _ in table.comments if table.first < index < table.last]:
         warnings = (*warnings, f"line {amid[0]} is a comment amid the rows: two records in one file?")
-    if time_column is not None and abs(begin := _times(table, time_column, text)[0]) > 1.1 * dt:
-        warnings = (*warnings, f"the times begin at {begin:g} s, not at 0; is the start cut off?")
+    if time_column is not None and abs(times[0]) > 1.1 * dt:
+        warnings = (*warnings, f"the times begin at {times[0]:g} s, not at 0; is the start cut off?")
     stated, said = _check_comments(text, table, dt, unit)
-    columns = [i for i in range(table.values.shape[1]) if i not in left]
+    columns = [i for i in range(width) if i not in left]
     units = {i: _unit_of_name(table.names.get(i, "")) or stated for i in columns}
     said = (*said, *_check_peaks(table, columns, units, unit))
     for i in columns:
@@ -207,57 +226,112 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
             lines.append((index, line))
     if not lines:
         raise text.fail(max(0, len(text.lines) - 1), "no row of numbers in it; empty, or of another format")
-    delimiter = _delimiter(lines, layout)
+
+    # what parts the numbers of the first row: a tab, a semicolon, a comma, or blanks
+    marks = ("\t", ";") if layout.decimal == "comma" else ("\t", ";", ",")
+    delimiter = next((mark for mark in marks if mark in lines[0][1].strip()), " ")
+    if layout.delimiter is not None:
+        delimiter = DELIMITERS.get(layout.delimiter, " ")
     if layout.decimal == "point" and layout.delimiter is None:
-        _refuse_decimal_commas(text, lines, delimiter)
-    rows = [(index, _cells(text, index, delimiter, layout.decimal)) for index, _ in lines]
-    _refuse_count(text, rows)
+        # refuse commas for points: no number has a point, and each has one comma within
+        numeric = [(index, line) for index, line in lines if _ROW.match(line)]
+        marked = [index for index, line in numeric if "," in line]
+        words: list[str] = []
+        if marked and not any("." in line for _, line in numeric):
+            words = [word for _, line in numeric for word in re.split(r"[;\s]+|\",\"", line) if "," in word]
+        if words and all(re.search(r"^\"?[^,]*\d,\d[^,]*\"?$", word) for word in words):
+            other = "" if delimiter in ";\t" else ", or `delimiter: comma` if it parts two columns"
+            raise text.fail(
+                marked[0], f"is the comma of {words[0]!r} a decimal one? Then declare `decimal: comma`{other}"
+            )
+    rows: list[tuple[int, list[float]]] = []
+    for index, line in lines:
+        cells = _split(line, delimiter)
+        if layout.decimal == "comma":
+            if any("." in cell for cell in cells):
+                raise text.fail(index, f"a point in {line.strip()[:60]!r}, but `decimal: comma` is set")
+            cells = [cell.replace(",", ".") for cell in cells]
+        rows.append((index, [text.value(cell, index) if cell else np.nan for cell in cells]))
+    first, last = rows[0][0], rows[-1][0]
+
+    # the number of values above them is no sample
+    word = split_words(text.lines[first].replace(",", " ").replace(";", " "))[0]
+    behind = [text.lines[index].split()[0] for index, _ in rows[1:4]]
+    alone = word.isdigit() and int(word[:9]) >= 10 and bool(behind)
+    held = sum(len(row) for _, row in rows[1:])
+    if alone and (all("." in other for other in behind) or rows[0][1][0] in (len(rows) - 1, held)):
+        raise text.fail(
+            first,
+            f"{word[:40]} looks like the number of values that follow ({held} in {len(rows) - 1} rows), not "
+            f"like a sample; skip it by `header_lines: {first + 1}`, delete it or make it a comment",
+        )
+
     warnings: tuple[str, ...] = ()
-    first, last, held = rows[0][0], rows[-1][0], sum(len(row) for _, row in rows)
+    width, held = len(rows[0][1]), sum(len(row) for _, row in rows)
     series = layout.layout == "series"
-    if layout.layout is None and len(rows) < held and held in _stated_counts(comments):
+    counts = {int(match[1]) for _, line in comments if (match := _COUNT.search(line))}
+    if layout.layout is None and len(rows) < held and held in counts:
         series = True
-        warnings = (f"{held} values are stated: read as one series of {len(rows[0][1])} in a row",)
+        warnings = (f"{held} values are stated: read as one series of {width} in a row",)
+    for index, row in rows[1:]:
+        if len(row) == width or (series and len(row) < width and index == last):
+            continue
+        if series:
+            raise text.fail(
+                index,
+                f"{len(row)} numbers, the rows of the series above have {width}; a number is lost or added",
+            )
+        if layout.layout is None and index == last and width > 2 and len(row) < width:
+            raise text.fail(
+                index,
+                f"{len(row)} numbers, all rows above have {width}: one series written {width} in a row? Then "
+                "declare `layout: series`; else the file is cut short",
+            )
+        raise text.fail(index, f"{len(row)} numbers, the rows above have {width}")
     if series:
-        return _Table(_series(text, rows), {}, tuple(comments), first, last, False, warnings)
-    values = _columns(text, rows, series_too=layout.layout is None)
-    if header is not None:
-        names, warnings = _names(text, header, delimiter, values.shape[1])
-    else:
-        names = _names_above(comments, first, skipped, delimiter, values.shape[1])
+        values = np.array([value for _, row in rows for value in row])[:, None]
+        return _Table(values, {}, tuple(comments), first, last, False, warnings)
+    above = [(index, line) for index, line in comments if index < first]
+    names, warnings = _column_names(text, header, above, skipped, delimiter, width)
+    values = np.array([row for _, row in rows])
     return _Table(values, names, tuple(comments), first, last, delimiter != " ", warnings)
 
 
-def _stated_counts(comments: list[tuple[int, str]]) -> set[int]:
-    return {int(match[1]) for _, line in comments if (match := _COUNT.search(line))}
+def _column_names(
+    text: TextFile,
+    header: int | None,
+    above: list[tuple[int, str]],
+    skipped: int,
+    delimiter: str,
+    width: int,
+) -> tuple[dict[int, str], tuple[str, ...]]:
+    """Names of `width` columns, and what is said where a line of names does not name every one.
 
-
-def _names_above(
-    comments: list[tuple[int, str]], first: int, skipped: int, delimiter: str, width: int
-) -> dict[int, str]:
-    """Names in a comment or a skipped line above the rows; in a comment only where they state units."""
+    Parameters
+    ----------
+    header : line of text between comments and rows; a first row with a damaged number is no line of names
+    above : comments and skipped lines above the rows; a comment names columns only where it states units
+    skipped : number of lines that the configuration skips
+    """
+    if header is not None:
+        line = text.head(header)
+        if any(_NUMERIC.match(word) for word in _split(line, delimiter)):
+            raise text.fail(header, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}")
+        names = _parse_names(line, delimiter, width)
+        if names or not _BRACKETS.search(line):
+            return names, ()
+        counted = f"{width} column{'s' * (width > 1)}"
+        return {}, (f"line {header + 1} does not name {counted}: none of its names counts",)
     best: dict[int, str] = {}
-    above = [(index, line) for index, line in comments if index < first]
     for index, line in reversed(above[-NAMING:]):
         names = _parse_names(line.lstrip(" \t#%!/"), delimiter, width)
         if any(_BRACKETS.search(name) for name in names.values()):
-            return names
+            return names, ()
         if index < skipped and not best:
             best = names
         if index >= skipped:
             break  # only the comment next to the rows
-    return best
-
-
-def _delimiter(lines: list[tuple[int, str]], layout: Layout) -> str:
-    """What parts the numbers of the first row: a tab, a semicolon, a comma, or blanks (" ")."""
-    if layout.delimiter is not None:
-        return DELIMITERS.get(layout.delimiter, " ")
-    row = lines[0][1].strip()
-    for mark in ("\t", ";") if layout.decimal == "comma" else ("\t", ";", ","):
-        if mark in row:
-            return mark
-    return " "
+    return best, ()
 
 
 def _split(line: str, delimiter: str) -> list[str]:
@@ -271,60 +345,6 @@ def _split(line: str, delimiter: str) -> list[str]:
     except csv.Error:
         return [line]
     return cells[:-1] if len(cells) > 1 and not cells[-1] else cells
-
-
-def _cells(text: TextFile, index: int, delimiter: str, decimal: str) -> list[float]:
-    """The numbers of a row; an empty cell is a missing value."""
-    cells = _split(text.lines[index], delimiter)
-    if decimal == "comma":
-        if any("." in cell for cell in cells):
-            raise text.fail(
-                index, f"a point in {text.lines[index].strip()[:60]!r}, but `decimal: comma` is set"
-            )
-        cells = [cell.replace(",", ".") for cell in cells]
-    return [text.value(cell, index) if cell else np.nan for cell in cells]
-
-
-def _columns(text: TextFile, rows: list[tuple[int, list[float]]], series_too: bool) -> Array:
-    width = len(rows[0][1])
-    for index, row in rows[1:]:
-        if len(row) == width:
-            continue
-        if series_too and index == rows[-1][0] and width > 2 and len(row) < width:
-            raise text.fail(
-                index,
-                f"{len(row)} numbers, all rows above have {width}: one series written {width} in a row? Then "
-                "declare `layout: series`; else the file is cut short",
-            )
-        raise text.fail(index, f"{len(row)} numbers, the rows above have {width}")
-    return np.array([row for _, row in rows])
-
-
-def _series(text: TextFile, rows: list[tuple[int, list[float]]]) -> Array:
-    """All numbers, row by row; only the last row may be shorter than the first."""
-    width = len(rows[0][1])
-    for index, row in rows[1:]:
-        if len(row) > width or (len(row) < width and index != rows[-1][0]):
-            raise text.fail(
-                index,
-                f"{len(row)} numbers, the rows of the series above have {width}; a number is lost or added",
-            )
-    return np.array([value for _, row in rows for value in row])[:, None]
-
-
-def _names(text: TextFile, index: int, delimiter: str, width: int) -> tuple[dict[int, str], tuple[str, ...]]:
-    """Names of columns of a line above the rows, and what is said where it does not name every one.
-
-    A first row with a damaged number is no line of names.
-    """
-    line = text.head(index)
-    if any(_NUMERIC.match(word) for word in _split(line, delimiter)):
-        raise text.fail(index, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}")
-    names = _parse_names(line, delimiter, width)
-    if names:
-        return names, ()
-    said = f"line {index + 1} does not name {width} column{'s' * (width > 1)}: none of its names counts"
-    return {}, (said,) if _BRACKETS.search(line) else ()
 
 
 def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
@@ -344,42 +364,11 @@ def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
         names = [name.strip("\"'") for name in names]
     if len(names) != width or any(_NUMERIC.match(name) for name in names):
         return {}
-    if width > 1 and all(_is_unit(name) for name in names):  # a line of units below the names
+    if width > 1 and all(
+        acceleration_unit(name) or name.lower() in _SECONDS or _LENGTH_UNIT.fullmatch(name) for name in names
+    ):  # a line of units below the names
         names = [f"({name})" for name in names]
     return dict(enumerate(names))
-
-
-def _is_unit(word: str) -> bool:
-    return bool(acceleration_unit(word) or word.lower() in _SECONDS or _LENGTH_UNIT.fullmatch(word))
-
-
-def _refuse_decimal_commas(text: TextFile, lines: list[tuple[int, str]], delimiter: str) -> None:
-    """Refuse commas for points: no number has a point, and each has one comma within."""
-    rows = [(index, line) for index, line in lines if _ROW.match(line)]
-    marked = [index for index, line in rows if "," in line]
-    if not marked or any("." in line for _, line in rows):
-        return
-    words = [word for _, line in rows for word in re.split(r"[;\s]+|\",\"", line) if "," in word]
-    if all(re.search(r"^\"?[^,]*\d,\d[^,]*\"?$", word) for word in words):
-        remedy = "" if delimiter in ";\t" else ", or `delimiter: comma` if it parts two columns"
-        raise text.fail(
-            marked[0], f"is the comma of {words[0]!r} a decimal one? Then declare `decimal: comma`{remedy}"
-        )
-
-
-def _refuse_count(text: TextFile, rows: list[tuple[int, list[float]]]) -> None:
-    """The number of values above them is no sample."""
-    first, values = rows[0]
-    word = split_words(text.lines[first].replace(",", " ").replace(";", " "))[0]
-    behind = [text.lines[index].split()[0] for index, _ in rows[1:4]]
-    alone = word.isdigit() and int(word[:9]) >= 10 and bool(behind)
-    held = sum(len(row) for _, row in rows[1:])
-    if alone and (all("." in other for other in behind) or values[0] in (len(rows) - 1, held)):
-        raise text.fail(
-            first,
-            f"{word[:40]} looks like the number of values that follow ({held} in {len(rows) - 1} rows), not "
-            f"like a sample; skip it by `header_lines: {first + 1}`, delete it or make it a comment",
-        )
 
 
 def _unit_of_name(name: str) -> str:
@@ -394,27 +383,6 @@ def _unit_of_name(name: str) -> str:
     others = [word for word in words if _OTHER_UNIT.fullmatch(word)]
     others += ["velocity or displacement"] if _OTHER_NAME.match(name) else []
     return others[0] if others else ""
-
-
-def _times(table: _Table, number: int, text: TextFile) -> Array:
-    """The times of a column [s]."""
-    if number > table.values.shape[1]:
-        raise text.fail(0, f"time_column is {number}, the file has {table.values.shape[1]} columns")
-    name = table.names.get(number - 1, "")
-    match = _BRACKETS.search(name)
-    unit = match[1].lower().rstrip(".") if match else ""
-    if match and unit not in _SECONDS:
-        if acceleration_unit(unit) or _OTHER_UNIT.fullmatch(unit):
-            raise text.fail(0, f"time_column is {number}, which is named {name!r}: no times in s or ms")
-        unit = ""
-    return _SECONDS[unit] * table.values[:, number - 1]
-
-
-def _interval_remedy(table: _Table) -> str:
-    for i in range(table.values.shape[1]):
-        if table.values.shape[0] >= MANY and (step := _rises(table.values[:, i])):
-            return f"column {i + 1} rises evenly by {step:g}: give `time_column: {i + 1}`, or `dt`"
-    return "give `dt` or `time_column`"
 
 
 def _rises(column: Array) -> float:
@@ -502,10 +470,16 @@ def _check_comments(
     units: dict[str, int] = {}
     keyed = ""
     for index, line in table.comments:
+        intervals = []
         if match := _DT.search(line):
-            _check_dt(text, index, float(match[1]) * (1e-3 if match[2] else 1.0), dt)
+            intervals.append(float(match[1]) * (1e-3 if match[2] else 1.0))
         if (match := _RATE.search(line)) and float(match[1]) > 0.0:
-            _check_dt(text, index, 1.0 / float(match[1]), dt)
+            intervals.append(1.0 / float(match[1]))
+        for interval in intervals:
+            if abs(interval - dt) > 1e-3 * dt:
+                raise text.fail(
+                    index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s"
+                )
         if (match := _COUNT.search(line)) and int(match[1]) != len(table.values):
             held = len(table.values)
             raise text.fail(index, f"{match[1]} samples are stated, the file holds {held}; it is cut short")
@@ -576,11 +550,6 @@ def _check_peaks(
                 f"{unit}{doubt}"
             )
     return tuple(said)
-
-
-def _check_dt(text: TextFile, index: int, stated: float, dt: float) -> None:
-    if abs(stated - dt) > 1e-3 * dt:
-        raise text.fail(index, f"an interval of {stated:g} s is stated, `dt` or the times say {dt:g} s")
 
 
 def _even_dt(time: Array, text: TextFile, first: int) -> float:

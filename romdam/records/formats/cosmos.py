@@ -21,8 +21,14 @@ from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, Orientation
-from romdam.records.formats.stated import acceleration_unit, check_length, check_peak
-from romdam.records.formats.text import TextFile, iso_time, read_text
+from romdam.records.formats.text import (
+    TextFile,
+    acceleration_unit,
+    check_length,
+    check_peak,
+    iso_time,
+    read_text,
+)
 
 TEXT_LINES = 13
 MAX_VALUES = 50_000_000
@@ -81,6 +87,8 @@ def read_cosmos(path: Path) -> list[Channel]:
 
 @dataclass(frozen=True)
 class _Header:
+    """Headers of a channel that begins at line `first`: integers and reals (100,), and its comments."""
+
     first: int
     integers: NDArray[np.float64]
     reals: NDArray[np.float64]
@@ -104,150 +112,146 @@ class _Announcement:
 
 
 def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
-    if _FIRST.match(text.head(first).strip()) is None:
+    """Read the channel that begins at line `first`, None for no acceleration; also the line behind it."""
+    title = _FIRST.match(text.head(first).strip())
+    if title is None:
         raise text.fail(first, f"expected a COSMOS channel, got {text.head(first).strip()[:60]!r}")
-    integers, index = _table(text, first + TEXT_LINES, "integer")
-    reals, index = _table(text, index, "real")
-    comments, index = _comments(text, index)
+    index = first + TEXT_LINES
+    tables = []
+    for kind in ("integer", "real"):
+        match = _BLOCK.match(text.head(index))
+        if match is None or match[2].lower() != kind:
+            raise text.fail(index, f"expected the {kind} header, got {text.head(index).strip()[:60]!r}")
+        count, per_row, width = _layout(text, match[1], index)
+        if count < 65:
+            raise text.fail(index, f"the {kind} header holds {count} values, at least 65 are needed")
+        tables.append(text.table(index + 1, count, per_row, width))
+        index += 1 - (-count // per_row)
+    match = _COMMENTS.match(text.head(index))
+    if match is None:
+        raise text.fail(index, f"expected the comments' announcement, got {text.head(index).strip()[:60]!r}")
+    count = text.integer(match[1], index, "comment lines")
+    comments = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
+    for offset, line in enumerate(comments, start=1):
+        if not line.lstrip(" ").startswith("|"):
+            raise text.fail(index + offset, f'expected comment {offset} of {count}, starting with "|"')
+    index += 1 + count
     match = _DATA.match(text.head(index))
     if match is None:
         raise text.fail(index, f"expected the data's announcement, got {text.head(index).strip()[:60]!r}")
-    count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
+    count, per_row, width = _layout(text, match[1], index)
     values = text.numbers(index + 1, count, per_row, width)
     end = index + 1 - (-count // per_row)
-    end = _end_of_data(text, end)
-    header = _Header(first, integers, reals, comments)
-    kind = match[2].lower()[:3]
-    title = _FIRST.match(text.head(first).strip())
-    if title is not None and title[2].lower()[:3] != kind:
+    while end < len(text.lines) and text.lines[end].strip():
+        if re.match(r"\s*(/&|end.?of.?data)", text.lines[end], re.I):
+            end += 1
+            break
+        other = _DATA.match(text.head(end))  # old files hold velocity and displacement before the end mark
+        if other is None:
+            line = text.lines[end].strip()[:60]
+            raise text.fail(end, f'expected "End-of-data", got {line!r}; count not met')
+        count, per_row, width = _layout(text, other[1], end)
+        text.numbers(end + 1, count, per_row, width)
+        end += 1 - (-count // per_row)
+    quantity = match[2].lower()[:3]
+    if title[2].lower()[:3] != quantity:
         raise text.fail(index, f"{match[2]} announced, but {title[2]} in line {first + 1}")
-    if kind != "acc":
+    if quantity != "acc":
         return None, end
     announced = _Announcement(match[3].strip(), match[4], index)
-    return _channel(text, header, values, announced), end
+    return _channel(text, _Header(first, *tables, comments), values, announced), end
 
 
-def _count(text: TextFile, word: str, index: int) -> int:
-    count = text.integer(word, index, "count")
-    if not 1 <= count <= MAX_VALUES:
-        raise text.fail(index, f"the number of values must lie in [1, {MAX_VALUES}], got {count}")
-    return count
-
-
-def _fortran(text: TextFile, index: int) -> tuple[int, int]:
+def _layout(text: TextFile, word: str, index: int) -> tuple[int, int, int]:
+    """Number of values that line `index` announces by a word, how many stand in a row, and their width."""
     match = _FORTRAN.search(text.head(index))
     if match is None:
         raise text.fail(index, f'no "Format=(...)" in {text.head(index).strip()[:60]!r}')
     per_row, width = int(match[1] or 1), int(match[2])
     if not (1 <= per_row <= 100 and 1 <= width <= 40):
         raise text.fail(index, f"format of {per_row} values of width {width} is none of COSMOS'")
-    return per_row, width
-
-
-def _table(text: TextFile, index: int, kind: str) -> tuple[NDArray[np.float64], int]:
-    match = _BLOCK.match(text.head(index))
-    if match is None or match[2].lower() != kind:
-        raise text.fail(index, f"expected the {kind} header, got {text.head(index).strip()[:60]!r}")
-    per_row, width = _fortran(text, index)
-    count = _count(text, match[1], index)
-    if count < 65:
-        raise text.fail(index, f"the {kind} header holds {count} values, at least 65 are needed")
-    values = text.table(index + 1, count, per_row, width)
-    return values, index + 1 - (-count // per_row)
-
-
-def _comments(text: TextFile, index: int) -> tuple[list[str], int]:
-    match = _COMMENTS.match(text.head(index))
-    if match is None:
-        raise text.fail(index, f"expected the comments' announcement, got {text.head(index).strip()[:60]!r}")
-    count = text.integer(match[1], index, "comment lines")
-    lines = [text.head(i) for i in range(index + 1, min(index + 1 + count, len(text.lines) + 1))]
-    for offset, line in enumerate(lines):
-        if not line.lstrip(" ").startswith("|"):
-            raise text.fail(
-                index + 1 + offset, f'expected comment {offset + 1} of {count}, starting with "|"'
-            )
-    return lines, index + 1 + count
-
-
-def _end_of_data(text: TextFile, index: int) -> int:
-    """The line after the end mark; old files hold velocity and displacement before it."""
-    if index >= len(text.lines) or not text.lines[index].strip():
-        return index
-    if re.match(r"\s*(/&|end.?of.?data)", text.lines[index], re.I):
-        return index + 1
-    match = _DATA.match(text.head(index))
-    if match is None:
-        raise text.fail(
-            index, f'expected "End-of-data", got {text.lines[index].strip()[:60]!r}; count not met'
-        )
-    count, (per_row, width) = _count(text, match[1], index), _fortran(text, index)
-    text.numbers(index + 1, count, per_row, width)
-    return _end_of_data(text, index + 1 - (-count // per_row))
+    count = text.integer(word, index, "count")
+    if not 1 <= count <= MAX_VALUES:
+        raise text.fail(index, f"the number of values must lie in [1, {MAX_VALUES}], got {count}")
+    return count, per_row, width
 
 
 def _channel(
     text: TextFile, header: _Header, values: NDArray[np.float64], announced: _Announcement
 ) -> Channel:
+    """Make an acceleration channel of its values (nt,) and headers, which are held against each other.
+
+    Comments count the headers from 1, as the format's description does.
+    """
+    integers, reals = header.integers, header.reals
     unit = _unit(text, header, announced)
-    dt = _dt(text, header, values.size, announced.index)
+    # real 62 [ms], or 34 [s] where unknown; 63 is the length, count * dt or (count - 1) * dt
+    dt = float(reals[61]) * 1e-3 if reals[61] > 0.0 else float(reals[33])
+    real_line = header.first + TEXT_LINES + 1
+    if not 0.0 < dt < 10.0:
+        raise text.fail(
+            real_line, f"sampling interval must lie in (0, 10) s, got {dt:g} s (real headers 62 and 34)"
+        )
+    stated_length, length = float(reals[62]), values.size * dt
+    if stated_length > 0.0:
+        slack = max(1.5 * dt, 0.01 * stated_length)
+        check_length(text, real_line, stated_length, values.size, dt, slack)
+    if approx := _APPROX.search(text.head(announced.index)):
+        seconds = float(approx[1])
+        check_length(text, announced.index, seconds, values.size, dt, max(2.0, 0.02 * seconds))
+
+    # integer 54 is the azimuth, or the sense of a vertical channel; 20 and 55 add up to an azimuth
+    azimuth, reference, relative = int(integers[53]), int(integers[19]), int(integers[54])
+    where: Orientation | None = None
+    if azimuth in VERTICAL:
+        where = Orientation(None, VERTICAL[azimuth])
+    elif 0 < azimuth <= 360:
+        where = Orientation(float(azimuth % 360))
+    elif 0 < reference <= 360 and 0 < relative <= 360:
+        where = Orientation(float((reference + relative) % 360))
     lines = [text.head(header.first + i) for i in range(TEXT_LINES)]
-    where = _orientation(header)
-    _check_azimuth(text, header, where)
+    match = _LINE_AZIMUTH.search(lines[8])  # the ninth line may repeat the azimuth: "Chan   1: 90 deg"
+    if match and where and where.azimuth is not None and (int(match[1]) - where.azimuth) % 360.0:
+        stated = f"{match[1]} deg is stated, the integer header says {where.azimuth:g}"
+        raise text.fail(header.first + 8, f"{stated}; the file is altered")
+
+    station = _CODE.search(lines[4])
+    network = NETWORKS.get(int(integers[10]), "")
     meta: dict[str, object] = {
         "format": "COSMOS",
-        "level": f"V{max(0, int(header.integers[0]))}" if header.integers[0] >= 0 else "",
+        "level": f"V{max(0, int(integers[0]))}" if integers[0] >= 0 else "",
         "event": lines[1].strip()[:80],
         "station_name": lines[4][40:].strip(),
-        "processed": bool(header.integers[0] >= 2),
+        "processed": bool(integers[0] >= 2),
+        "network": (station[1] if station else "") or network,
+        "station": station[2] if station else "",
     }
-    meta |= _station(header, lines[4]) | _corners(header)
-    _check_peak(text, header, values)
-    said = (*_odd_length(header, values.size * dt, dt), *(() if unit else _one_count(header)))
-    return Channel(_code(header, lines, where), values, dt, unit, where, _start(header), meta, said)
+    for name, corner in (("hp_corner_hz", float(reals[53])), ("lp_corner_hz", float(reals[56]))):
+        if corner > 0.0:
+            meta[name] = corner
 
+    stated_peak, peak = float(reals[63]), float(np.max(np.abs(values), initial=0.0))
+    if stated_peak not in (-999.0, 0.0) and np.isfinite(peak):
+        check_peak(text, header.first + TEXT_LINES + 12, stated_peak, peak, 1e-3)  # F10.3 at the worst
+    said = []
+    if stated_length > 0.0 and abs(stated_length - length) > 1.5 * dt:  # agencies round it, but seldom to 1 %
+        said.append(f"the real header's length is {stated_length:g} s, the data's {length:g} s")
+    microvolts, sensitivity = float(reals[21]), float(reals[41])  # of a count [1e-6 V], of the sensor [V/g]
+    if not unit and microvolts > 0.0 and sensitivity > 0.0:
+        said.append(f"the values are counts; by the header one is {1e-6 * microvolts / sensitivity:.6g} g")
 
-def _odd_length(header: _Header, length: float, dt: float) -> tuple[str, ...]:
-    """Agencies round real header 63, but seldom to a per cent."""
-    stated = float(header.reals[62])
-    if stated <= 0.0 or abs(stated - length) <= 1.5 * dt:
-        return ()
-    return (f"the real header's length is {stated:g} s, the data's {length:g} s",)
-
-
-def _one_count(header: _Header) -> tuple[str, ...]:
-    """Real headers 22 (microvolts a count) and 42 (of the sensor, V/g) make one count in g."""
-    microvolts, sensitivity = float(header.reals[21]), float(header.reals[41])
-    if microvolts <= 0.0 or sensitivity <= 0.0:
-        return ()
-    return (f"the values are counts; by the header one is {1e-6 * microvolts / sensitivity:.6g} g",)
-
-
-def _code(header: _Header, lines: list[str], where: Orientation | None) -> str:
+    code = ""
     for comment in header.comments:
-        if match := _SCNL.search(comment):
-            parts = match[1].split(".")
-            if len(parts) > 1 and parts[1]:
-                return parts[1]
-    match = re.search(r"Chan\s*(\d+)\s*:", lines[8], re.I)
-    number = match[1] if match else str(int(header.integers[49]))
-    if where is None:
-        return number
-    return f"{number}-{'Z' if where.azimuth is None else format(where.azimuth, '03.0f')}"
-
-
-def _station(header: _Header, line: str) -> dict[str, object]:
-    match = _CODE.search(line)
-    network = NETWORKS.get(int(header.integers[10]), "")
-    if match is None:
-        return {"network": network, "station": ""}
-    return {"network": match[1] or network, "station": match[2]}
-
-
-def _corners(header: _Header) -> dict[str, object]:
-    """Real header 54 and 57: corners of the low-cut and the high-cut filter."""
-    pairs = {"hp_corner_hz": float(header.reals[53]), "lp_corner_hz": float(header.reals[56])}
-    return {name: value for name, value in pairs.items() if value > 0.0}
+        if scnl := _SCNL.search(comment):  # station, channel, network, location
+            code = code or (*scnl[1].split("."), "")[1]
+    if not code:
+        number = re.search(r"Chan\s*(\d+)\s*:", lines[8], re.I)
+        code = number[1] if number else str(int(integers[49]))
+        if where is not None:
+            code += "-Z" if where.azimuth is None else f"-{where.azimuth:03.0f}"
+    year, month, day, hour, minute = (int(integers[i]) for i in (39, 41, 42, 43, 44))
+    start = iso_time((year, month, day), hour, minute, max(0.0, float(reals[29])))
+    return Channel(code, values, dt, unit, where, start, meta, tuple(said))
 
 
 def _unit(text: TextFile, header: _Header, announced: _Announcement) -> str:
@@ -276,54 +280,6 @@ def _unit(text: TextFile, header: _Header, announced: _Announcement) -> str:
     return units[0]
 
 
-def _dt(text: TextFile, header: _Header, count: int, index: int) -> float:
-    """Real header 62 [ms], or 34 [s] where unknown; 63 is the length, count*dt or (count-1)*dt."""
-    dt = float(header.reals[61]) * 1e-3 if header.reals[61] > 0.0 else float(header.reals[33])
-    line = header.first + TEXT_LINES + 1
-    if not 0.0 < dt < 10.0:
-        raise text.fail(
-            line, f"sampling interval must lie in (0, 10) s, got {dt:g} s (real headers 62 and 34)"
-        )
-    length = float(header.reals[62])
-    if length > 0.0:
-        check_length(text, line, length, count, dt, max(1.5 * dt, 0.01 * length))
-    if approx := _APPROX.search(text.head(index)):
-        check_length(text, index, float(approx[1]), count, dt, max(2.0, 0.02 * float(approx[1])))
-    return dt
-
-
-def _check_azimuth(text: TextFile, header: _Header, where: Orientation | None) -> None:
-    """The ninth text line may repeat the azimuth: "Chan   1: 90 deg"."""
-    match = _LINE_AZIMUTH.search(text.head(header.first + 8))
-    if match and where and where.azimuth is not None and (int(match[1]) - where.azimuth) % 360.0:
-        stated = f"{match[1]} deg is stated, the integer header says {where.azimuth:g}"
-        raise text.fail(header.first + 8, f"{stated}; the file is altered")
-
-
-def _orientation(header: _Header) -> Orientation | None:
-    code = int(header.integers[53])
-    if code in VERTICAL:
-        return Orientation(None, VERTICAL[code])
-    if 0 < code <= 360:
-        return Orientation(float(code % 360))
-    reference, relative = int(header.integers[19]), int(header.integers[54])
-    if 0 < reference <= 360 and 0 < relative <= 360:
-        return Orientation(float((reference + relative) % 360))
-    return None
-
-
-def _start(header: _Header) -> str:
-    year, month, day, hour, minute = (int(header.integers[i]) for i in (39, 41, 42, 43, 44))
-    return iso_time((year, month, day), hour, minute, max(0.0, float(header.reals[29])))
-
-
-def _check_peak(text: TextFile, header: _Header, values: NDArray[np.float64]) -> None:
-    """Real header 64 is the data's maximum."""
-    stated, peak = float(header.reals[63]), float(np.max(np.abs(values), initial=0.0))
-    if stated not in (-999.0, 0.0) and np.isfinite(peak):
-        check_peak(text, header.first + TEXT_LINES + 12, stated, peak, 1e-3)  # F10.3 at the worst
-
-
 def write_cosmos(channels: list[Channel], path: Path) -> None:
     """Write channels one after another as processed acceleration (V2), cm/s2 in 1PE15.6 as USGS does."""
     lines: list[str] = []
@@ -333,28 +289,28 @@ def write_cosmos(channels: list[Channel], path: Path) -> None:
 
 
 def _channel_lines(channel: Channel, number: int, total: int) -> list[str]:
+    """Lines of channel `number` of `total`, counted from 1."""
     from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / 0.01)
-    integers, reals = _header_values(channel, values, number, total)
-    seconds = round(values.size * channel.dt)
-    return [
-        *_text_lines(channel, number, total),
-        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
-        *("".join(f"{v:8d}" for v in integers[i : i + 10]) for i in range(0, 100, 10)),
-        " 100 Real-header values follow on  20 lines, Format= (5F15.6)",
-        *("".join(f"{v:15.6f}" for v in reals[i : i + 5]) for i in range(0, 100, 5)),
-        '   1 Comment line(s) follow, each starting with a "|":',
-        f"|<SCNL>{channel.meta.get('station', '')}.{channel.code}.{channel.meta.get('network', '')}.--",
-        f"{values.size:8d} acceleration pts, approx {seconds:4d} secs, units=cm/sec2(04),Format=(5E15.6)",
-        *("".join(f"{v:15.6E}" for v in values[i : i + 5]) for i in range(0, values.size, 5)),
-        f"End-of-data for Chan {number:3d} acceleration",
-    ]
-
-
-def _text_lines(channel: Channel, number: int, total: int) -> list[str]:
+    integers, reals = [-999] * 100, np.full(100, -999.0)
+    integers[0:4] = [2, ACCELERATION, 4, 120]
+    integers[22], integers[49] = total, number
+    where = channel.orientation
+    if where is not None:
+        vertical = 400 if where.vertical > 0 else 401
+        integers[53] = vertical if where.azimuth is None else round(where.azimuth) or 360
+    if channel.start:
+        start = datetime.fromisoformat(channel.start.rstrip("Z"))
+        date = [start.year, start.timetuple().tm_yday, start.month, start.day]
+        integers[39:45] = [*date, start.hour, start.minute]
+        reals[29] = start.second + 1e-6 * start.microsecond
+    peak = int(np.argmax(np.abs(values)))
+    reals[33] = channel.dt
+    reals[61:65] = [1e3 * channel.dt, values.size * channel.dt, values[peak], peak * channel.dt]
     meta = channel.meta
     code = f"{meta.get('network') or '--'}-{meta.get('station') or '0'}"
+    seconds = round(values.size * channel.dt)
     return [
         "Corrected acceleration    (Format v01.20 with 13 text lines)",
         str(meta.get("event", ""))[:80],
@@ -369,31 +325,13 @@ def _text_lines(channel: Channel, number: int, total: int) -> list[str]:
         "Processed:",
         "Record filtered below        Hz",
         "Values used when parameter or data value is unknown/unspecified:   -999, -999.0",
+        " 100 Integer-header values follow on  10 lines, Format= (10I8)",
+        *("".join(f"{v:8d}" for v in integers[i : i + 10]) for i in range(0, 100, 10)),
+        " 100 Real-header values follow on  20 lines, Format= (5F15.6)",
+        *("".join(f"{v:15.6f}" for v in reals[i : i + 5]) for i in range(0, 100, 5)),
+        '   1 Comment line(s) follow, each starting with a "|":',
+        f"|<SCNL>{meta.get('station', '')}.{channel.code}.{meta.get('network', '')}.--",
+        f"{values.size:8d} acceleration pts, approx {seconds:4d} secs, units=cm/sec2(04),Format=(5E15.6)",
+        *("".join(f"{v:15.6E}" for v in values[i : i + 5]) for i in range(0, values.size, 5)),
+        f"End-of-data for Chan {number:3d} acceleration",
     ]
-
-
-def _header_values(
-    channel: Channel, values: NDArray[np.float64], number: int, total: int
-) -> tuple[list[int], NDArray[np.float64]]:
-    integers, reals = [-999] * 100, np.full(100, -999.0)
-    integers[0:4] = [2, ACCELERATION, 4, 120]
-    integers[22], integers[49] = total, number
-    where = channel.orientation
-    if where is not None:
-        vertical = 400 if where.vertical > 0 else 401
-        integers[53] = vertical if where.azimuth is None else round(where.azimuth) or 360
-    if channel.start:
-        start = datetime.fromisoformat(channel.start.rstrip("Z"))
-        integers[39:45] = [
-            start.year,
-            start.timetuple().tm_yday,
-            start.month,
-            start.day,
-            start.hour,
-            start.minute,
-        ]
-        reals[29] = start.second + 1e-6 * start.microsecond
-    peak = int(np.argmax(np.abs(values)))
-    reals[33] = channel.dt
-    reals[61:65] = [1e3 * channel.dt, values.size * channel.dt, values[peak], peak * channel.dt]
-    return integers, reals

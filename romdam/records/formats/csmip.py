@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, Orientation, parse_orientation
-from romdam.records.formats.stated import acceleration_unit, check_length, check_peak
-from romdam.records.formats.text import WIDE, TextFile, read_text
-from romdam.records.formats.uneven import even_series
+from romdam.records.formats.text import WIDE, TextFile, acceleration_unit, check_length, check_peak, read_text
+from romdam.records.processing.resampling import even_series
 
 _DATA = re.compile(
     r"^\s*(\d+)\s+points of (accel|veloc|displ)\w* data equally spaced at\s*([\d.]+)\s*sec(.*)$", re.I
@@ -43,13 +42,13 @@ _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
 _CHANNEL = re.compile(r"Chan\s*(\d+)\s*:?\s*(.*)$", re.I)
-
-
 _BAND = re.compile(r"3 dB pts at\s+(\d*\.\d+)\s+and\s+(\d*\.\d+)", re.I)
 
 
 @dataclass(frozen=True)
 class _About:
+    """What the lines above a channel's data say of it; number of the channel as printed."""
+
     number: str
     orientation: Orientation | None
     meta: dict[str, object]
@@ -83,9 +82,16 @@ def read_csmip(path: Path) -> list[Channel]:
         if pairs and (pairs[1].lower() != "g/10" or index - header >= TEXT_LINES):
             raise text.fail(index, f"pairs of times and values in {pairs[1]}: expected g/10, in each header")
         if points or pairs:
-            read = _points(text, header, index, points) if points else _pairs(text, header)
-            channels.append(read[0])
-            header = index = read[1]
+            channel, index = _points(text, header, index, points) if points else _pairs(text, header)
+            channels.append(channel)
+            while index < len(text.lines) and (
+                not text.lines[index].strip() or _END.search(text.head(index))
+            ):
+                index += 1
+            if index < len(text.lines) and _FIRST.match(text.head(index)) is None:
+                line = text.head(index).strip()[:60]
+                raise text.fail(index, f"expected the next channel, got {line!r}; count not met")
+            header = index
             continue
         match = _DATA.match(line)
         if match is None:
@@ -93,12 +99,14 @@ def read_csmip(path: Path) -> list[Channel]:
                 raise text.fail(index, f"not as CSMIP announces data: {text.lines[index].strip()[:60]!r}")
             index += 1
             continue
-        about = _about([text.head(i) for i in range(header, index)])
-        length = _check_length(text, index, match, length)
-        channel, index = _read_block(text, index, match, about)
-        if channel is not None:
-            _check_peak(text, header, channel)
-            channels.append(channel)
+        seconds = text.integer(match[1], index, "points") * text.real(match[3], index, "interval")
+        if match[2].lower() == "accel":
+            length = seconds
+        elif length and abs(seconds - length) > 0.01 * length:
+            lengths = f"{seconds:g} s of {match[2].lower()} beside {length:g} s of accel"
+            raise text.fail(index, f"{lengths}; a count or an interval is wrong")
+        block, index = _read_block(text, header, index, match)
+        channels += [] if block is None else [block]
         header = index
     if not channels:
         raise RecordError(f'{path}: line 1: no "points of accel data" in it; the file is cut short')
@@ -119,9 +127,14 @@ def read_csmip(path: Path) -> list[Channel]:
     return channels
 
 
-def _read_block(
-    text: TextFile, index: int, match: re.Match[str], about: _About
-) -> tuple[Channel | None, int]:
+def _read_block(text: TextFile, header: int, index: int, match: re.Match[str]) -> tuple[Channel | None, int]:
+    """Read the data of V2 that line `index` announces, None for no acceleration; also the line behind them.
+
+    The lines from `header` on describe them; "Peak acceleration = ..." among these is held against the data.
+    """
+    from romdam.config.sections.motions.records import unit_in_si
+
+    about = _about([text.head(i) for i in range(header, index)])
     count, dt = text.integer(match[1], index, "points"), text.real(match[3], index, "interval")
     form = _FORTRAN.search(match[4])
     per_row, width = (int(form[1] or 1), int(form[2])) if form else (8, 10)
@@ -129,64 +142,57 @@ def _read_block(
         raise text.fail(index, f"{count} points at {dt:g} s in rows of {per_row}: not a CSMIP record")
     values = text.numbers(index + 1, count, per_row, width)
     end = index + 1 - (-count // per_row)
-    _check_end(text, end)
+    # a row of numbers where the next block or the end mark should be means a wrong count
+    if end < len(text.lines) and re.fullmatch(r"[-+\d\s]*\.[-+.\d\s]*", text.lines[end]):
+        raise text.fail(end, "data after the announced number of points; altered file")
     if match[2].lower() != "accel":
         return None, end
     corrected = re.match(r"\s*uncorrected", text.head(0), re.I) is None
-    level = "V2" if corrected else "V1"
-    meta = {"format": "CSMIP", "level": level, "processed": corrected, **about.meta}
     unit = _unit(text, index, match[4])
+    for number in range(header, index):
+        if stated := _PEAK.match(text.head(number)):
+            peak_unit = acceleration_unit(stated[2])
+            if not peak_unit:
+                raise text.fail(number, f"the peak's unit {stated[2]!r} is no acceleration")
+            stated_peak = text.real(stated[1], number, "peak") * unit_in_si(peak_unit) / unit_in_si(unit)
+            check_peak(text, number, stated_peak, float(np.nanmax(np.abs(values), initial=0.0)), 1e-3)
+    meta = {"format": "CSMIP", "level": "V2" if corrected else "V1", "processed": corrected, **about.meta}
     return Channel(about.number, values, dt, unit, about.orientation, "", meta), end
 
 
 def _points(text: TextFile, header: int, index: int, match: re.Match[str]) -> tuple[Channel, int]:
-    """The even samples of V1."""
+    """Read the even samples of V1 that line `index` announces; also the line behind them."""
     count, rate = text.integer(match[1], index, "points"), text.real(match[2], index, "points a second")
     form = _FORTRAN.search(match[3])
     per_row, width = (int(form[1] or 1), int(form[2])) if form else (8, 9)
     if not (count >= 1 and 0.1 < rate < 1e5 and 1 <= per_row <= 100 and 1 <= width <= 40):
         raise text.fail(index, f"{count} points at {rate:g} pts/sec in rows of {per_row}: not a CSMIP record")
     values = text.numbers(index + 1, count, per_row, width)
-    unit = _unit(
-        text, index, "in " + match[3].partition("of")[2].partition("(")[0].partition("Format")[0].strip()
-    )
-    return _uncorrected(text, header, values, 1.0 / rate, unit), _behind(
-        text, index + 1 - (-count // per_row)
-    )
+    word = match[3].partition("of")[2].partition("(")[0].partition("Format")[0].strip()
+    unit = _unit(text, index, f"in {word}")
+    return _uncorrected(text, header, values, 1.0 / rate, unit), index + 1 - (-count // per_row)
 
 
 def _pairs(text: TextFile, header: int) -> tuple[Channel, int]:
-    """The times and values of digitized film, as the straight lines between them at an even interval."""
-    lines = [text.head(header + i) for i in range(TEXT_LINES)]
-    stated = next(((header + i, m) for i, line in enumerate(lines) if (m := _COUNT.search(line))), None)
-    if stated is None:
+    """Read digitized film's times and values, as straight lines at an even interval; also the line behind."""
+    for index in range(header, header + TEXT_LINES):
+        if stated := _COUNT.search(text.head(index)):
+            break
+    else:
         raise text.fail(header, 'expected "No. of points = ..." among the lines of the header')
-    count, first = (
-        text.integer(stated[1][1], stated[0], "points"),
-        header + TEXT_LINES + INTEGER_LINES + REAL_LINES,
-    )
+    count = text.integer(stated[1], index, "points")
+    first = header + TEXT_LINES + INTEGER_LINES + REAL_LINES
     if not 1 <= count < 10**8:
-        raise text.fail(stated[0], f"the number of points must be 1 or more, got {count}")
+        raise text.fail(index, f"the number of points must be 1 or more, got {count}")
     numbers = text.numbers(first, 2 * count, 10, 7)
     times, points = numbers[::2], numbers[1::2]
     peak = float(np.nanmax(np.abs(points)))
     values, dt, said = even_series(times, points, TIME_DIGIT, f"{text.path}: line {first + 1}")
-    length = text.real(stated[1][2], stated[0], "record length")
+    length = text.real(stated[2], index, "record length")
     if abs(length - times[-1]) > 1.5 * dt + 2.0 * TIME_DIGIT:
-        raise text.fail(stated[0], f"a length of {length:g} s is stated, the times end at {times[-1]:g} s")
+        raise text.fail(index, f"a length of {length:g} s is stated, the times end at {times[-1]:g} s")
     channel = _uncorrected(text, header, values, dt, "0.1 g", peak)
-    return replace(channel, warnings=(*channel.warnings, *said)), _behind(text, first - (-2 * count // 10))
-
-
-def _behind(text: TextFile, index: int) -> int:
-    """The line behind a channel of V1 and its end mark."""
-    while index < len(text.lines) and (not text.lines[index].strip() or _END.search(text.head(index))):
-        index += 1
-    if index < len(text.lines) and _FIRST.match(text.head(index)) is None:
-        raise text.fail(
-            index, f"expected the next channel, got {text.head(index).strip()[:60]!r}; count not met"
-        )
-    return index
+    return replace(channel, warnings=(*channel.warnings, *said)), first - (-2 * count // 10)
 
 
 def _uncorrected(
@@ -210,39 +216,8 @@ def _uncorrected(
     return Channel(about.number, values, dt, unit, about.orientation, "", meta)
 
 
-def _check_length(text: TextFile, index: int, match: re.Match[str], length: float) -> float:
-    """The length that the line announces, for acceleration; else it must be that of the acceleration."""
-    seconds = text.integer(match[1], index, "points") * text.real(match[3], index, "interval")
-    if match[2].lower() == "accel":
-        return seconds
-    if length and abs(seconds - length) > 0.01 * length:
-        lengths = f"{seconds:g} s of {match[2].lower()} beside {length:g} s of accel"
-        raise text.fail(index, f"{lengths}; a count or an interval is wrong")
-    return length
-
-
-def _check_peak(text: TextFile, header: int, channel: Channel) -> None:
-    """Hold "Peak acceleration = ..." of the lines from `header` on against the data behind them."""
-    from romdam.config.sections.motions.records import unit_in_si
-
-    for index in range(header, len(text.lines)):
-        if _DATA.match(text.head(index)):
-            return
-        if match := _PEAK.match(text.head(index)):
-            unit = acceleration_unit(match[2])
-            if not unit:
-                raise text.fail(index, f"the peak's unit {match[2]!r} is no acceleration")
-            stated = text.real(match[1], index, "peak") * unit_in_si(unit) / unit_in_si(channel.unit)
-            check_peak(text, index, stated, float(np.nanmax(np.abs(channel.data), initial=0.0)), 1e-3)
-
-
-def _check_end(text: TextFile, index: int) -> None:
-    """A row of numbers where the next block or the end mark should be means a wrong count."""
-    if index < len(text.lines) and re.fullmatch(r"[-+\d\s]*\.[-+.\d\s]*", text.lines[index]):
-        raise text.fail(index, "data after the announced number of points; altered file")
-
-
 def _unit(text: TextFile, index: int, rest: str) -> str:
+    """The unit of acceleration in the rest of line `index`: "in cm/sec2", "(units = g)"."""
     match = _UNIT.fullmatch(rest)
     unit = acceleration_unit(match[1]) if match else ""
     if not unit:

@@ -10,6 +10,7 @@ Luzi et al. (2016), Engineering Strong-Motion database, Seismol. Res. Lett. 87(4
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,15 @@ from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, NoAccelerationError, parse_orientation
-from romdam.records.formats.stated import PEAK_SHARE, acceleration_unit, check_length, check_peak
-from romdam.records.formats.text import NUMBER, TextFile, read_text
+from romdam.records.formats.text import (
+    NUMBER,
+    PEAK_SHARE,
+    TextFile,
+    acceleration_unit,
+    check_length,
+    check_peak,
+    read_text,
+)
 
 MOST_HEADER = 100  # lines
 _KEY = re.compile(r"\s*([A-Z][A-Z0-9_/^]*)\s*:(.*)$")
@@ -68,7 +76,15 @@ def read_esm(path: Path) -> list[Channel]:
         for a missing key, a velocity or displacement file, a count or a peak that is not met.
     """
     text = read_text(path)
-    header, first = _header(text)
+    header: dict[str, tuple[str, int]] = {}  # value and line of each key
+    first = 0  # line of the data
+    while (match := _KEY.match(text.line(first))) and first < MOST_HEADER:
+        if match[1] in header:
+            raise text.fail(first, f"the key {match[1][:40]} stands there twice; two files joined?")
+        header[match[1]] = (match[2].strip(), first)
+        first += 1
+    if NUMBER.fullmatch((text.line(first).split() or [""])[0]) is None:
+        raise text.fail(first, f'expected "KEY: value", got {text.line(first).strip()[:60]!r}')
     kind = header.get("DATA_TYPE", ("ACCELERATION", 0))
     if _KIND.fullmatch(kind[0]) is None:
         raise NoAccelerationError(
@@ -83,41 +99,27 @@ def read_esm(path: Path) -> list[Channel]:
             f"{values.size} values found; the file is cut short or altered"
         )
     stream = _need(text, header, "STREAM" if "STREAM" in header else "COMPONENT")[0]
-    meta = {"format": "ESM"} | {
-        name: _value(header[key][0]) for name, key in _META.items() if header.get(key, ("",))[0]
-    }
-    start = _iso(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
-    unit = _unit(text, header)
-    said = _check_data(text, header, values, dt, unit)
-    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
-
-
-def _header(text: TextFile) -> tuple[dict[str, tuple[str, int]], int]:
-    """Values of the keys with their lines, and the first line of data."""
-    header: dict[str, tuple[str, int]] = {}
-    index = 0
-    while (match := _KEY.match(text.line(index))) and index < MOST_HEADER:
-        if match[1] in header:
-            raise text.fail(index, f"the key {match[1][:40]} stands there twice; two files joined?")
-        header[match[1]] = (match[2].strip(), index)
-        index += 1
-    if NUMBER.fullmatch((text.line(index).split() or [""])[0]) is None:
-        raise text.fail(index, f'expected "KEY: value", got {text.line(index).strip()[:60]!r}')
-    return header, index
-
-
-def _need(text: TextFile, header: dict[str, tuple[str, int]], key: str) -> tuple[str, int]:
-    if not header.get(key, ("",))[0]:
-        raise text.fail(len(header) - 1, f"the header has no {key}")
-    return header[key]
-
-
-def _unit(text: TextFile, header: dict[str, tuple[str, int]]) -> str:
+    meta: dict[str, object] = {"format": "ESM"}
+    for name, key in _META.items():
+        if word := header.get(key, ("",))[0]:
+            meta[name] = word
+            with suppress(ValueError):
+                meta[name] = float(word)
+    time = _START.match(header.get("DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS", ("", 0))[0])
+    start = "" if time is None else "{}-{}-{}T{}:{}:{}".format(*time.groups())
     word, index = _need(text, header, "UNITS")
     unit = acceleration_unit(word)
     if not unit:
         raise text.fail(index, f"UNITS is {word[:40]!r}, no acceleration; take the acceleration file")
-    return unit
+    said = _check_data(text, header, values, dt, unit)
+    return [Channel(stream, values, dt, unit, parse_orientation(stream), start, meta, said)]
+
+
+def _need(text: TextFile, header: dict[str, tuple[str, int]], key: str) -> tuple[str, int]:
+    """Value and line of a key that must be there."""
+    if not header.get(key, ("",))[0]:
+        raise text.fail(len(header) - 1, f"the header has no {key}")
+    return header[key]
 
 
 def _check_data(
@@ -145,29 +147,16 @@ def _check_data(
     return (f"the peak is stated at {word} s, the data's is at {np.argmax(np.abs(values)) * dt:g} s",)
 
 
-def _value(text: str) -> object:
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def _iso(text: str) -> str:
-    match = _START.match(text)
-    return "" if match is None else "{}-{}-{}T{}:{}:{}".format(*match.groups())
-
-
 def write_esm(channel: Channel, path: Path) -> None:
     """Write one component; unknown keys stay empty, values in cm/s2 with six decimals."""
     from romdam.config.sections.motions.records import unit_in_si
 
     values = channel.data * (unit_in_si(channel.unit) / 0.01)
     peak = int(np.argmax(np.abs(values)))
+    start = channel.start.replace("-", "").replace(":", "").replace("T", "_")
     known: dict[str, object] = {key: channel.meta.get(name, "") for name, key in _META.items()}
     known |= {
-        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS": channel.start.replace("-", "")
-        .replace(":", "")
-        .replace("T", "_"),
+        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS": start,
         "SAMPLING_INTERVAL_S": f"{channel.dt:.6f}",
         "NDATA": values.size,
         "DURATION_S": f"{(values.size - 1) * channel.dt:.6f}",

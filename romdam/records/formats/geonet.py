@@ -18,8 +18,14 @@ from pathlib import Path
 import numpy as np
 
 from romdam.records.channel import Channel, parse_orientation
-from romdam.records.formats.stated import acceleration_unit, check_length, check_peak
-from romdam.records.formats.text import TextFile, iso_time, read_text
+from romdam.records.formats.text import (
+    TextFile,
+    acceleration_unit,
+    check_length,
+    check_peak,
+    iso_time,
+    read_text,
+)
 
 TEXT_LINES, INTEGER_LINES, REAL_LINES, PER_ROW, WIDTH = 16, 4, 6, 10, 8
 STANDARD_GRAVITY = 9.80665  # m/s2
@@ -60,6 +66,7 @@ def read_geonet(path: Path) -> list[Channel]:
 
 
 def _component(text: TextFile, first: int) -> tuple[Channel, int]:
+    """Read the component that begins at line `first`; also the line behind it."""
     from romdam.config.sections.motions.records import unit_in_si
 
     lines = [text.head(first + i) for i in range(TEXT_LINES)]
@@ -85,7 +92,13 @@ def _component(text: TextFile, first: int) -> tuple[Channel, int]:
     number = next((match for line in lines if (match := _NUMBER.match(line.strip()))), None)
     if number is not None and int(number[1]) != values.size:
         raise text.fail(first + 9, f"{number[1]} points are stated, the integer header says {values.size}")
-    unit = _check_peak(text, first, lines, values)
+    peak = next(((i, match) for i, line in enumerate(lines) if (match := _PEAK.match(line.strip()))), None)
+    if peak is None:
+        raise text.fail(first + 13, 'expected "Acceleration:  Peak ... mm/s/s at ..."')
+    unit = acceleration_unit(peak[1][2])  # of the peak, which is that of the data
+    if not unit:
+        raise text.fail(first + peak[0], f"the peak's unit {peak[1][2]!r} is no acceleration")
+    check_peak(text, first + peak[0], float(peak[1][1]), float(np.nanmax(np.abs(values))), 0.06)
     if abs(float(reals[29]) * unit_in_si(unit) / STANDARD_GRAVITY - 1.0) > 0.01:
         raise text.fail(
             first + 13,
@@ -113,15 +126,3 @@ def _component(text: TextFile, first: int) -> tuple[Channel, int]:
     year, month, day, hour, minute, milli = (int(integers[i]) for i in (8, 9, 18, 19, 38, 39))
     start = iso_time((year, month, day), hour, minute, 1e-3 * milli)
     return Channel(component or "1", values, dt, unit, where, start, meta), index
-
-
-def _check_peak(text: TextFile, first: int, lines: list[str], values: np.ndarray) -> str:
-    """The unit of the stated peak, which is that of the data."""
-    for offset, line in enumerate(lines):
-        if match := _PEAK.match(line.strip()):
-            unit = acceleration_unit(match[2])
-            if not unit:
-                raise text.fail(first + offset, f"the peak's unit {match[2]!r} is no acceleration")
-            check_peak(text, first + offset, float(match[1]), float(np.nanmax(np.abs(values))), 0.06)
-            return unit
-    raise text.fail(first + 13, 'expected "Acceleration:  Peak ... mm/s/s at ..."')

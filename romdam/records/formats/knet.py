@@ -14,12 +14,10 @@ from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
-from romdam.records.formats.stated import check_peak
-from romdam.records.formats.text import NUMBER, TextFile, read_text
+from romdam.records.formats.text import NUMBER, TextFile, check_peak, read_text
 
 _LABELS = (
     r"Origin Time", r"Lat\.", r"Long?\.", r"Depth\. \(km\)", r"Mag\.", r"Station Code", r"Station Lat\.",
@@ -79,60 +77,24 @@ def read_knet(path: Path) -> list[Channel]:
         for a header line that is not there, and a length or a peak that is not met.
     """
     text = read_text(path)
-    header = [_value(text, index) for index in range(len(_LABELS))]
+    header = []
+    for index, label in enumerate(_LABELS):
+        match = re.match(rf"{label}(.*)$", text.head(index))
+        if match is None:
+            expected, line = label.replace("\\", "").replace("?", ""), text.head(index)
+            raise text.fail(index, f'expected "{expected} ...", got {line.strip()[:60]!r}')
+        header.append(match[1].strip())
     rate = float(_match(text, RATE, _RATE, header, '"100Hz"')[1])
     if rate <= 0.0:
         raise text.fail(RATE, f"the sampling frequency must be positive, got {rate:g} Hz")
-    gal = _gal_per_count(text, header)
+    scale = _match(text, SCALE, _SCALE, header, '"2000(gal)/8388608"')
+    if float(scale[1]) <= 0.0 or float(scale[2]) <= 0.0:
+        raise text.fail(SCALE, f"the scale factor must be positive, got {header[SCALE]!r}")
+    gal = float(scale[1]) / float(scale[2])  # of one count
     counts, _ = text.free(len(_LABELS))
     if counts.size == 0 or not np.all(np.isfinite(counts) & (counts == np.round(counts))):
         raise RecordError(f"{path}: line {len(_LABELS) + 1}: expected whole numbers after the header")
-    warnings = _check_data(text, header, counts, 1.0 / rate, gal)
-    direction = header[DIRECTION].replace("-", "")
-    code = _KIKNET.get(direction, direction)
-    meta: dict[str, object] = {
-        "format": "KNET",
-        "network": "BO",  # FDSN's code of NIED
-        "station": header[STATION],
-        "event": _utc(header[ORIGIN]),
-        "header_pga_gal": text.real(header[PEAK], PEAK, "Max. Acc. (gal)"),
-    }
-    if NUMBER.fullmatch(header[MAGNITUDE]):  # empty where the records come before the bulletin
-        meta["magnitude"] = float(header[MAGNITUDE])
-    start = _utc(header[START], DELAY)
-    where = parse_orientation(code)
-    return [Channel(code, 0.01 * gal * counts, 1.0 / rate, "m/s2", where, start, meta, warnings)]
-
-
-def _value(text: TextFile, index: int) -> str:
-    line = text.head(index)
-    match = re.match(rf"{_LABELS[index]}(.*)$", line)
-    if match is None:
-        label = _LABELS[index].replace("\\", "").replace("?", "")
-        raise text.fail(index, f'expected "{label} ...", got {line.strip()[:60]!r}')
-    return match[1].strip()
-
-
-def _match(
-    text: TextFile, index: int, pattern: re.Pattern[str], header: list[str], example: str
-) -> re.Match[str]:
-    match = pattern.fullmatch(header[index])
-    if match is None:
-        raise text.fail(index, f"expected a value such as {example}, got {header[index][:40]!r}")
-    return match
-
-
-def _gal_per_count(text: TextFile, header: list[str]) -> float:
-    match = _match(text, SCALE, _SCALE, header, '"2000(gal)/8388608"')
-    if float(match[1]) <= 0.0 or float(match[2]) <= 0.0:
-        raise text.fail(SCALE, f"the scale factor must be positive, got {header[SCALE]!r}")
-    return float(match[1]) / float(match[2])
-
-
-def _check_data(
-    text: TextFile, header: list[str], counts: NDArray[np.float64], dt: float, gal: float
-) -> tuple[str, ...]:
-    """Hold length and peak against the data; what is nearly right is said."""
+    dt = 1.0 / rate
     duration = text.real(header[DURATION], DURATION, "Duration Time(s)")
     peak = text.real(header[PEAK], PEAK, "Max. Acc. (gal)")
     if round(duration / dt) != counts.size:  # the logger stores whole seconds
@@ -143,9 +105,33 @@ def _check_data(
         )
     measured = float(np.max(np.abs(gal * (counts - np.mean(counts)))))
     check_peak(text, PEAK, peak, measured, _DIGIT)
-    if abs(peak - measured) <= 1.5 * _DIGIT:
-        return ()
-    return (f"the header states a peak of {peak:g} gal, the data's is {measured:.3f} gal",)
+    warnings: tuple[str, ...] = ()
+    if abs(peak - measured) > 1.5 * _DIGIT:
+        warnings = (f"the header states a peak of {peak:g} gal, the data's is {measured:.3f} gal",)
+    direction = header[DIRECTION].replace("-", "")
+    code = _KIKNET.get(direction, direction)
+    meta: dict[str, object] = {
+        "format": "KNET",
+        "network": "BO",  # FDSN's code of NIED
+        "station": header[STATION],
+        "event": _utc(header[ORIGIN]),
+        "header_pga_gal": peak,
+    }
+    if NUMBER.fullmatch(header[MAGNITUDE]):  # empty where the records come before the bulletin
+        meta["magnitude"] = float(header[MAGNITUDE])
+    start = _utc(header[START], DELAY)
+    where = parse_orientation(code)
+    return [Channel(code, 0.01 * gal * counts, dt, "m/s2", where, start, meta, warnings)]
+
+
+def _match(
+    text: TextFile, index: int, pattern: re.Pattern[str], header: list[str], example: str
+) -> re.Match[str]:
+    """Match the value of header line `index`, or raise with an example of what was expected."""
+    match = pattern.fullmatch(header[index])
+    if match is None:
+        raise text.fail(index, f"expected a value such as {example}, got {header[index][:40]!r}")
+    return match
 
 
 def _utc(text: str, late: timedelta = timedelta(0)) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +14,48 @@ from romdam.records.formats.columns import Layout, first_row, is_columns, read_c
 from romdam.records.formats.cosmos import is_cosmos, read_cosmos, write_cosmos
 from romdam.records.formats.csmip import is_csmip, read_csmip
 from romdam.records.formats.esm import is_esm, read_esm, write_esm
-from romdam.records.formats.foreign import READ, recognise
 from romdam.records.formats.geonet import is_geonet, read_geonet
 from romdam.records.formats.knet import is_knet, read_knet
 from romdam.records.formats.smc import is_smc, read_smc, write_smc
 from romdam.records.formats.text import decode, read_bytes
 
 HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand bytes of header
+READ = (
+    "PEER AT2, COSMOS, CSMIP V1 and V2, GeoNet V1A and V2A, SMC, ESM and ITACA (DYNA), K-NET and KiK-net, "
+    "miniSEED, SAC and others by ObsPy, plain columns"
+)
+_FOREIGN_LINES = 24  # lines at the start of a file
+# files that are not read: how one of their first lines starts as agencies print it, what they are, the remedy
+_FOREIGN: tuple[tuple[str, str, str], ...] = (
+    (
+        r"response and fourier amplitude spectra",
+        "CSMIP V3: response and Fourier spectra",
+        "take the corrected accelerogram, V2",
+    ),
+    (
+        r"archivo estandar de aceleracion",
+        "a standard acceleration file of UNAM (ASA 2.0)",
+        "its last rows are columns in gal: declare `header_lines: 109`, `dt` (1 / VEL. DE MUESTREO), "
+        "`unit: cm/s2` and `azimuths` or `components` as the line above the rows names the channels",
+    ),
+    (
+        r"\* vol1ds file",
+        "an uncorrected record of BHRC (ISMN, Iran), in g/10",
+        "cut the rows of one component out and declare `layout: series`, `dt` (DURATION / NO. OF POINTS) and "
+        "`unit: 0.1 g`",
+    ),
+    (
+        r"(corrected accelerogram .*corresponding to|file\s+\d+ of uncorrected accelerogram data of volume)",
+        "a Volume I or II file of USC or CIT",
+        "take the same record from CESMD or PEER",
+    ),
+    (
+        r"strong ground motion records of turk",
+        "a text of AFAD (NSMN, Turkey), three columns in gal",
+        "declare `header_lines: 18`, `dt` (SAMPLING INTERVAL) and `unit: cm/s2`, with `components: {x: 2, "
+        "y: 1, z: 3}` for E-W, N-S and U-D",
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -84,8 +120,10 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
             return known.read(path)
     if is_columns(head) or declared.layout is not None:
         return read_columns(path, declared.dt, declared.time_column, declared.unit, declared.layout)
-    if foreign := recognise(head):
-        raise NoAccelerationError(f"{path}: line 1: {foreign}")
+    for line in head.splitlines()[:_FOREIGN_LINES]:
+        for pattern, name, remedy in _FOREIGN:
+            if re.match(r"\s*" + pattern, line, re.IGNORECASE):
+                raise NoAccelerationError(f"{path}: line 1: the file is {name}; {remedy}")
     from romdam.records.obspy_bridge import read_with_obspy  # here: ObsPy is slow to load
 
     try:

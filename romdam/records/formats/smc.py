@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, Orientation
-from romdam.records.formats.stated import PEAK_SHARE, check_peak
-from romdam.records.formats.text import TextFile, iso_time, read_text
-from romdam.records.formats.uneven import even_series
+from romdam.records.formats.text import PEAK_SHARE, TextFile, check_peak, iso_time, read_text
+from romdam.records.processing.resampling import even_series
 
 Array = NDArray[np.float64]
 TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
@@ -57,8 +56,23 @@ def read_smc(path: Path) -> list[Channel]:
     integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
     reals = text.table(TEXT_LINES + INTEGER_LINES, 5 * REAL_LINES, 5, 15)
     uneven = kind == "V1" and abs(reals[1]) >= 0.9 * NULL_REAL
-    count, dt, comments = _sizes(text, integers, reals, uneven)
-    first = TEXT_LINES + INTEGER_LINES + REAL_LINES + comments
+    comments, count, flag = int(integers[15]), int(integers[16]), int(integers[17])
+    rate = 1.0 if uneven else float(reals[1])  # samples/s
+    if not 1 <= count < 10**9:
+        raise text.fail(TEXT_LINES + 2, f"the number of samples must be positive, got {count}")
+    if flag == 1:
+        raise text.fail(
+            TEXT_LINES + 2, "the agency's problem flag is set; read the comments, mend the record"
+        )
+    if not 0.0 < rate < MAX_RATE:
+        raise text.fail(TEXT_LINES + INTEGER_LINES, f"samples per second must lie in (0, 1e5), got {rate:g}")
+    if not 0 <= comments < len(text.lines):
+        raise text.fail(TEXT_LINES + 1, f"the number of comment lines must be 0 or more, got {comments}")
+    header = TEXT_LINES + INTEGER_LINES + REAL_LINES
+    first = header + comments
+    for index in range(header, first):
+        if not text.line(index).startswith("|"):
+            raise text.fail(index, f'expected comment {index - header + 1} of {comments}, starting with "|"')
     per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
     values = text.numbers(first, count, per_row, width)
     end = first - (-count // per_row)
@@ -75,9 +89,14 @@ def read_smc(path: Path) -> list[Channel]:
                 TEXT_LINES + 2, f"{count} values are no pairs of a time and a value; altered file"
             )
         times, points = values[::2], values[1::2]
-        _check_uneven_peaks(text, points, reals)
+        for number, extreme in PEAKS.items():  # of the points, which are printed with five digits
+            stated = float(reals[number])
+            if 0.0 < abs(stated) < 0.9 * NULL_REAL and stated != reals[0]:
+                line = TEXT_LINES + INTEGER_LINES + number // 5
+                check_peak(text, line, stated, float(points[extreme(points)]))
         values, dt, said = even_series(times, points, UNEVEN_DIGIT, f"{path}: line {first + 1}")
     else:
+        dt = 1.0 / rate
         said = _check_peaks(text, values, dt, reals)
     channel = _channel(text, kind, values, dt, integers, reals)
     return [replace(channel, warnings=(*behind, *said))]
@@ -99,40 +118,21 @@ def _check_peaks(text: TextFile, values: Array, dt: float, reals: Array) -> tupl
     return tuple(said)
 
 
-def _check_uneven_peaks(text: TextFile, points: Array, reals: Array) -> None:
-    """Hold both extremes against the points; digitized ones are printed with five digits."""
-    for number, at in PEAKS.items():
-        stated = float(reals[number])
-        if 0.0 < abs(stated) < 0.9 * NULL_REAL and stated != reals[0]:
-            check_peak(text, TEXT_LINES + INTEGER_LINES + number // 5, stated, float(points[at(points)]))
-
-
-def _sizes(text: TextFile, integers: Array, reals: Array, uneven: bool) -> tuple[int, float, int]:
-    """How many values there are, their interval (none for pairs of time and value), lines of comments."""
-    count, flag, comments, rate = int(integers[16]), int(integers[17]), int(integers[15]), float(reals[1])
-    if uneven:
-        rate = 1.0
-    if not 1 <= count < 10**9:
-        raise text.fail(TEXT_LINES + 2, f"the number of samples must be positive, got {count}")
-    if flag == 1:
-        raise text.fail(
-            TEXT_LINES + 2, "the agency's problem flag is set; read the comments, mend the record"
-        )
-    if not 0.0 < rate < MAX_RATE:
-        raise text.fail(TEXT_LINES + INTEGER_LINES, f"samples per second must lie in (0, 1e5), got {rate:g}")
-    if not 0 <= comments < len(text.lines):
-        raise text.fail(TEXT_LINES + 1, f"the number of comment lines must be 0 or more, got {comments}")
-    start = TEXT_LINES + INTEGER_LINES + REAL_LINES
-    for index in range(start, start + comments):
-        if not text.line(index).startswith("|"):
-            raise text.fail(index, f'expected comment {index - start + 1} of {comments}, starting with "|"')
-    return count, 1.0 / rate, comments
-
-
 def _channel(text: TextFile, kind: str, values: Array, dt: float, integers: Array, reals: Array) -> Channel:
+    """Make the channel of its values (nt,) [cm/s2], the text above them and both headers."""
     title = _TITLE.search(text.head(5))
     station, component = (title[1], title[2].strip()) if title else (text.head(5).strip(), "")
-    orientation = _orientation(integers)
+    null, vertical, azimuth = integers[0], integers[12], integers[13]
+    orientation: Orientation | None = None
+    if vertical in (0, 180):
+        orientation = Orientation(None, 1 if vertical == 0 else -1)
+    elif azimuth != null and 0 <= azimuth <= 360:
+        orientation = Orientation(float(azimuth) % 360.0)
+    start = ""
+    year, day, hour, minute = (int(value) for value in integers[1:5])
+    if null not in (year, day, hour, minute):
+        second, milli = (0.0 if value == null else float(value) for value in integers[5:7])
+        start = iso_time((year, 1, day), hour, minute, second + 1e-3 * milli)
     meta: dict[str, object] = {
         "format": "SMC",
         "level": kind,
@@ -146,28 +146,7 @@ def _channel(text: TextFile, kind: str, values: Array, dt: float, integers: Arra
     if kind == "V2" and 0.0 < reals[HIGHPASS] < 50.0:
         meta["hp_corner_hz"] = float(reals[HIGHPASS])
     code = component or text.path.stem
-    return Channel(code, values, dt, "cm/s2", orientation, _start(integers), meta)
-
-
-def _orientation(integers: Array) -> Orientation | None:
-    null = integers[0]
-    vertical, azimuth = integers[12], integers[13]
-    if vertical == 0:
-        return Orientation(None, 1)
-    if vertical == 180:
-        return Orientation(None, -1)
-    if azimuth != null and 0 <= azimuth <= 360:
-        return Orientation(float(azimuth) % 360.0)
-    return None
-
-
-def _start(integers: Array) -> str:
-    null = integers[0]
-    year, day, hour, minute = (int(value) for value in integers[1:5])
-    if null in (year, day, hour, minute):
-        return ""
-    second, milli = (0.0 if value == null else float(value) for value in integers[5:7])
-    return iso_time((year, 1, day), hour, minute, second + 1e-3 * milli)
+    return Channel(code, values, dt, "cm/s2", orientation, start, meta)
 
 
 def write_smc(channel: Channel, path: Path) -> None:
@@ -185,7 +164,17 @@ def write_smc(channel: Channel, path: Path) -> None:
         f"station ={meta.get('station_name', '')} component={channel.code}",
         *["*"] * 5,
     ]
-    integers, reals = _integer_header(channel), np.full(50, NULL_REAL)
+    integers, reals = [NULL_INTEGER] * 48, np.full(50, NULL_REAL)
+    if channel.start:
+        start = datetime.fromisoformat(channel.start.rstrip("Z"))
+        date = [start.year, start.timetuple().tm_yday]
+        integers[1:7] = [*date, start.hour, start.minute, start.second, start.microsecond // 1000]
+    where = channel.orientation
+    if where is not None and where.azimuth is not None:
+        integers[12:14] = [90, round(where.azimuth)]
+    elif where is not None:
+        integers[12] = 0 if where.vertical > 0 else 180
+    integers[15:18] = [0, channel.data.size, 0]
     reals[1] = 1.0 / channel.dt
     for number, at in ((28, int(np.argmax(values))), (30, int(np.argmin(values)))):
         reals[number : number + 2] = at * channel.dt, values[at]
@@ -193,32 +182,11 @@ def write_smc(channel: Channel, path: Path) -> None:
         "".join(f"{v:10d}" for v in integers[8 * row : 8 * row + 8]) for row in range(INTEGER_LINES)
     ]
     lines += ["".join(f"{v:15.7E}" for v in reals[5 * row : 5 * row + 5]) for row in range(REAL_LINES)]
-    lines += ["".join(_short(v) for v in values[i : i + 8]) for i in range(0, values.size, 8)]
+    lines += ["".join(short_real(v) for v in values[i : i + 8]) for i in range(0, values.size, 8)]
     path.write_text("\n".join(lines) + "\n", encoding="ascii", errors="replace")
 
 
-def _integer_header(channel: Channel) -> list[int]:
-    integers = [NULL_INTEGER] * 48
-    if channel.start:
-        start = datetime.fromisoformat(channel.start.rstrip("Z"))
-        integers[1:7] = [
-            start.year,
-            start.timetuple().tm_yday,
-            start.hour,
-            start.minute,
-            start.second,
-            start.microsecond // 1000,
-        ]
-    where = channel.orientation
-    if where is not None and where.azimuth is not None:
-        integers[12:14] = [90, round(where.azimuth)]
-    elif where is not None:
-        integers[12] = 0 if where.vertical > 0 else 180
-    integers[15:18] = [0, channel.data.size, 0]
-    return integers
-
-
-def _short(value: float) -> str:
+def short_real(value: float) -> str:
     """Format as Fortran's 1PE10.4E1: one exponent digit, which SMC's width of ten leaves room for."""
     mantissa, exponent = f"{value:.4E}".split("E")
     power = int(exponent)

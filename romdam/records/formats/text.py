@@ -1,4 +1,7 @@
-"""Reading numbers out of fixed-form text, so that every failure names its file and line."""
+"""Reading numbers out of fixed-form text, so that every failure names its file and line.
+
+What a file says of its data, unit, peak and length, is held against them.
+"""
 
 from __future__ import annotations
 
@@ -36,6 +39,22 @@ _FOREIGN = {  # what files that are no records start with
     b"\x89PNG": "a picture; fetch the data file",
     b"<": "an HTML or XML page, perhaps a server's error; fetch the data file again",
 }
+# accelerations as agencies write them, without spaces, carets and the "ec" of "sec"
+_ACCELERATIONS = {
+    "g": "g",
+    "mg": "0.001 g",
+    "%g": "0.01 g",
+    "gal": "cm/s2",
+    "gals": "cm/s2",
+    "cm/s2": "cm/s2",
+    "cms-2": "cm/s2",
+    "m/s2": "m/s2",
+    "ms-2": "m/s2",
+    "mm/s2": "0.001 m/s2",
+    "in/s2": "0.0254 m/s2",
+    "ft/s2": "0.3048 m/s2",
+}
+PEAK_SHARE = 0.01  # of the peak; headers round it to three digits
 
 
 @dataclass(frozen=True)
@@ -69,11 +88,14 @@ class TextFile:
         return RecordError(f"{self.path}: line {index + 1}: {message}")
 
     def integer(self, text: str, index: int, name: str) -> int:
-        """Read one whole number of the header."""
+        """Read one whole number of the header, without what else int() takes: 1_000, digits beyond ASCII."""
+        word = text.strip()
         try:
-            return int(_plain(text))
+            if "_" in word or not word.isascii():
+                raise ValueError(word)
+            return int(word)
         except ValueError:  # also more digits than Python turns into a number
-            raise self.fail(index, f"{name}: expected a whole number, got {text.strip()[:40]!r}") from None
+            raise self.fail(index, f"{name}: expected a whole number, got {word[:40]!r}") from None
 
     def real(self, text: str, index: int, name: str) -> float:
         """Read one finite number of the header."""
@@ -171,14 +193,6 @@ def _number(word: str) -> float:
     return float(word.upper().replace("D", "E"))
 
 
-def _plain(word: str) -> str:
-    """Refuse what int() takes but no record means: 1_000, and letters beyond ASCII."""
-    text = word.strip()
-    if "_" in text or not text.isascii():
-        raise ValueError(text)
-    return text
-
-
 def read_text(path: Path, padded: bool = False) -> TextFile:
     """Read a text file; `padded` says that NUL may fill its end, as old tapes left it.
 
@@ -234,3 +248,54 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         if data.lstrip(b"\xef\xbb\xbf \t\r\n" if start == b"<" else b"").startswith(start):
             raise RecordError(f"{path}: line 1: the file is {what}")
     return data
+
+
+def acceleration_unit(word: str) -> str:
+    """A file's unit in romdam's spelling; "" for anything else, however much of it looks like a unit."""
+    text = re.sub(r"\s|\^|\*\*|·", "", word.lower()).strip(".").replace("²", "2").replace("⁻", "-")
+    return _ACCELERATIONS.get(text.replace("sec", "s").replace("/s/s", "/s2"), "")
+
+
+def check_peak(text: TextFile, index: int, stated: float, measured: float, digit: float = 0.0) -> None:
+    """Refuse data whose peak is not the one that line `index` states.
+
+    Parameters
+    ----------
+    stated, measured : in one unit, of any sign
+    digit : the last one printed
+
+    Raises
+    ------
+    RecordError
+        naming both.
+    """
+    most = max(abs(stated), abs(measured))
+    if abs(abs(stated) - abs(measured)) > PEAK_SHARE * most + digit:
+        raise text.fail(
+            index,
+            f"a peak of {abs(stated):g} is stated, the data's is {abs(measured):g}; the file is altered or "
+            "the unit wrong, fetch it again",
+        )
+
+
+def check_length(text: TextFile, index: int, stated: float, count: int, dt: float, slack: float) -> None:
+    """Refuse data whose length is not the one that line `index` states.
+
+    Parameters
+    ----------
+    stated : length [s]; agencies count n or n - 1 steps
+    count : samples in the file
+    dt : [s]
+    slack : what rounding explains [s]
+
+    Raises
+    ------
+    RecordError
+        naming both.
+    """
+    if not (count - 1) * dt - slack <= stated <= count * dt + slack:
+        raise text.fail(
+            index,
+            f"a length of {stated:g} s is stated, but {count} samples at dt = {dt:g} s are {count * dt:g} s; "
+            "the file is cut short or altered, fetch it again",
+        )
