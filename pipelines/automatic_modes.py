@@ -51,7 +51,7 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
     ConvergenceError
         where a step does not converge.
     """
-    accuracy = job.config.transient.accuracy
+    accuracy = job.config.transient.step_accuracy
     assert accuracy is not None  # the configuration asks for it
     refuse_unjudged(job)
     free = min(int((~fixed).sum()) for fixed in scene.fixed.values())

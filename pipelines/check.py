@@ -14,6 +14,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
+from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
 from romdam.pipelines.cost import COSTS, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
@@ -136,6 +137,8 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
 def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     """A job with one model."""
     asked, runs = job, 1
+    if job.config.transient.total_accuracy is not None:
+        job = with_accuracy(job, job.config.transient.step_accuracy)
     if job.config.model.modes == "auto":
         refuse_unjudged(job)
         job = with_modes(job, FIRST)
@@ -217,6 +220,11 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
             "the step that transient.accuracy comes to on the whole record; the time is for that of short "
             "parts, and each halving more up to doubles it; the size is of the coarsest"
             + ("; short parts from rest hardly slide, so the time may be ten times as long" if slides else "")
+        )
+    if job.config.transient.total_accuracy is not None:
+        yield (
+            "which mesh transient.accuracy.total takes, and the runs that find it; all above is of the mesh "
+            "that is given"
         )
     if job.config.model.modes == "auto":
         yield f"how many modes model.modes: auto takes; {FIRST} are taken here"

@@ -20,7 +20,7 @@ from romdam.export.deck import Deck, Motion
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
+from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.user_cache import open_store
@@ -124,8 +124,8 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
         for bad input, and where the folder refuses a file.
     """
     clock, store = Clock(show), open_store(cache)
-    if job.config.model.modes == "auto":
-        job = with_modes_chosen(job, usable(records_of(job)), clock, store)
+    if job.config.model.modes == "auto" or job.config.transient.total_accuracy is not None:
+        job, _ = choose_mesh_and_modes(job, usable(records_of(job)), clock, store)
     model = build_model(job, clock, store)
     with clock.stage("output", "writing matrices"):
         folder = prepare_folder(out)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
+from romdam.config.other_mesh import with_mesh_of
 from romdam.core.errors import (
     ConfigError,
     MeshError,
@@ -32,11 +33,12 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import cpu_time, in_background, one_thread
 from romdam.effects.full_order import assemble_full
-from romdam.error.statement import ErrorStatement, read_verification
+from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verification
 from romdam.fem.stress import observing_stress
+from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
-from romdam.pipelines.error.sibling import Sibling, mesh_statement, sibling_job
+from romdam.pipelines.error.sibling import Sibling, run_of, sibling_job
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -219,13 +221,13 @@ def _run(
     motions = usable_motions(job, read, summarised=summarised)
     log_warnings(job, motions)
     store = open_store(cache)
-    job = with_modes_chosen(job, motions, clock, store)
+    job, choice = choose_mesh_and_modes(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
     job = log_scene_warnings(model.scene, job)
-    sibling = build_sibling(job, clock, store)
+    of_mesh = choice or build_sibling(job, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last, undrawn = _run_all(
-            job, model, motions, (goal, shared), clock, sibling, lone=len(read) == 1
+            job, model, motions, (goal, shared), clock, of_mesh, lone=len(read) == 1
         )
     failures = {name: message for name, message in read.items() if isinstance(message, str)}
     failures |= {name: row.message for name, row in rows.items() if row.message} | undrawn
@@ -286,7 +288,7 @@ def _run_all(
     motions: Sequence[GroundMotion],
     target: Target,
     clock: Clock,
-    sibling: Sibling | None,
+    of_mesh: Sibling | MeshChoice | None,
     *,
     lone: bool,
 ) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
@@ -306,7 +308,7 @@ def _run_all(
     for motion in motions:
         with in_background(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
-                last = run_motion(job, model, motion, target, clock, sibling)
+                last = run_motion(job, model, motion, target, clock, of_mesh)
                 rows[motion.name] = Row("", kept=last.kept) if lone else last.row(job)
             except recoverable() as error:
                 target[1]()  # an error of its own is one of all records
@@ -356,6 +358,45 @@ def write_shared(folder: Path, model: Model) -> dict[str, str]:
     return files
 
 
+def choose_mesh_and_modes(
+    job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
+) -> tuple[Job, MeshChoice | None]:
+    """The job with the mesh that `transient.accuracy.total` comes to, and the modes of `model.modes: auto`.
+
+    Both are chosen on the motion of the largest acceleration. The job that is returned asks for the accuracy
+    of steps and modes that is left.
+
+    Raises
+    ------
+    ConfigError
+        where no mesh that can be run keeps the accuracy.
+    """
+    total, choice = job.config.transient.total_accuracy, None
+    if total is not None:
+        job = with_accuracy(job, job.config.transient.step_accuracy)
+        motion = max(motions, key=lambda m: m.peak)
+        wall, cpu = time.perf_counter(), cpu_time()
+        seconds = job.config.transient.duration
+        trial_job = with_modes_chosen(job, [motion], clock, store)
+
+        def run_mesh(on_mesh: Job, name: str) -> Trial:
+            start = cpu_time()
+            log.debug("%s: begins", name)
+            with clock.show(f"choosing the mesh: {name}") as progress:
+                model = build_model(on_mesh, Clock(silent), store)
+                history = simulate_motion(on_mesh, model.prepared, motion, seconds, progress)
+            log.info("%s: tried in %.1f s of CPU", name, cpu_time() - start)
+            return Trial(run_of(model, history), cpu_time() - start)
+
+        about = {"record": motion.name, "seconds": seconds or motion.duration}
+        choice = choose_mesh(trial_job, total, run_mesh, about)
+        clock.wall["mesh_choice"] = time.perf_counter() - wall
+        clock.cpu["mesh_choice"] = cpu_time() - cpu
+        log.info("%s", choice.statement.sentence)
+        job = with_mesh_of(job, choice.job)
+    return with_modes_chosen(job, motions, clock, store), choice
+
+
 def with_modes_chosen(
     job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
 ) -> Job:
@@ -399,19 +440,25 @@ def run_motion(
     motion: GroundMotion,
     target: Target,
     clock: Clock,
-    sibling: Sibling | None = None,
+    of_mesh: Sibling | MeshChoice | None = None,
 ) -> FinishedRun:
-    """Integrate one ground motion and write its result; `target` is where, and what gives `_shared`."""
+    """Integrate one ground motion and write its result.
+
+    Parameters
+    ----------
+    target : where, and what gives `_shared`
+    of_mesh : what states the error of the mesh
+    """
     (folder, _, _), shared = target
     wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
     history, estimate = _estimated(job, model, motion, history, clock)
-    of_mesh = None
-    if sibling is not None:
-        with clock.stage("mesh", "running on the other mesh") as progress:
-            of_mesh = mesh_statement(model, history, sibling, motion, progress)
+    mesh_error = None
+    if of_mesh is not None:
+        with clock.stage("mesh", "stating the error of the mesh") as progress:
+            mesh_error = of_mesh.state(model, history, motion, progress)
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
     with clock.stage("output", "writing the result"):
@@ -421,12 +468,17 @@ def run_motion(
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
         dataset.attrs.update(read_verification(folder, dataset.attrs))
-        for statement in (estimate, of_mesh):
+        for statement in (estimate, mesh_error):
             if statement is not None:
                 statement.write_to(dataset)
+        total = of_mesh.total if isinstance(of_mesh, MeshChoice) else None
+        accuracy = job.config.transient.step_accuracy
+        concerns = json.loads(dataset.attrs["run_warnings"])
+        concerns += accuracy_warnings(dataset.attrs, accuracy, total)
+        dataset.attrs["run_warnings"] = json.dumps(concerns)
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)
         write_dataset(dataset, path)
-    for concern in json.loads(dataset.attrs["run_warnings"]):
+    for concern in concerns:
         log.warning("%s: %s", motion.name, concern)
     return FinishedRun(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
 

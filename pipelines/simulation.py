@@ -100,7 +100,7 @@ def simulate_motions(
     settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
     _tell_shortened(job, settings)
-    accuracy = job.config.transient.accuracy
+    accuracy = job.config.transient.step_accuracy
     kinds = [
         (member.integrator, run_settings) for member, run_settings in zip(prepared, settings, strict=True)
     ]

@@ -18,7 +18,7 @@ from romdam.pipelines.error.sibling import run_of, sibling_job
 from romdam.pipelines.error.verify import as_run
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
+from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent, with_modes_chosen
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
@@ -62,7 +62,6 @@ def verify_mesh(
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
-    sibling = sibling_job(job, finer=finer)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
@@ -70,6 +69,9 @@ def verify_mesh(
     whole, motion = motions[0], as_run(job, motions[0], duration)
     seconds = motion.duration if duration is None else min(duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
+    if job.config.transient.total_accuracy is not None:
+        job, _ = choose_mesh_and_modes(job, motions, clock)
+    sibling = sibling_job(job, finer=finer)
     if job.config.model.order != "full":
         job, sibling = (with_modes_chosen(prepared_job, motions, clock) for prepared_job in (job, sibling))
     run, scene = run_on_mesh(job, motion, seconds, clock, "run")

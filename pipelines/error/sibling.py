@@ -24,6 +24,20 @@ class Sibling:
     model: Model
     finer: bool
 
+    def state(
+        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+    ) -> ErrorStatement:
+        """State what the mesh changes in a run, by one on this mesh, or why that is unknown."""
+        seconds = float(history.time[-1])
+        try:
+            other = simulate_motion(self.job, self.model.prepared, motion, seconds, progress)
+            pair = run_of(model, history), run_of(self.model, other)
+            about = {"record": motion.name, "seconds": seconds}
+            return discretisation(*pair, finer=self.finer, about=about)
+        except recoverable() as error:
+            why = f"What the mesh changes is unknown: {describe_error(error)}"
+            return ErrorStatement("discretisation", why, {})
+
 
 def sibling_job(job: Job, *, finer: bool) -> Job:
     """The job on elements of half the size, or twice; see `romdam.config.other_mesh`."""
@@ -34,19 +48,3 @@ def run_of(model: Model, history: History) -> MeshRun:
     """A run, as runs on other meshes are compared with it."""
     spectra = node_spectra(history.acc, history.ground, history.time)
     return mesh_run(model.scene, history, model.system.law.joints, spectra)
-
-
-def mesh_statement(
-    model: Model, history: History, sibling: Sibling, motion: GroundMotion, progress: Progress
-) -> ErrorStatement:
-    """State what the mesh changes in a run, or why that is unknown."""
-    seconds = float(history.time[-1])
-    try:
-        other = simulate_motion(sibling.job, sibling.model.prepared, motion, seconds, progress)
-        pair = run_of(model, history), run_of(sibling.model, other)
-        about = {"record": motion.name, "seconds": seconds}
-        return discretisation(*pair, finer=sibling.finer, about=about)
-    except recoverable() as error:
-        return ErrorStatement(
-            "discretisation", f"What the mesh changes is unknown: {describe_error(error)}", {}
-        )

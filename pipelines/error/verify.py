@@ -24,7 +24,7 @@ from romdam.fem.stress import observing_stress
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Stage, build_model, silent, with_modes_chosen
+from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
@@ -97,7 +97,7 @@ def verify(
         first, motion = strongest_part(motion, WINDOW)
     seconds = min(WINDOW if duration is None else duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
-    job = with_modes_chosen(job, motions, clock)
+    job, _ = choose_mesh_and_modes(job, motions, clock)
     model = build_model(job, clock)
     job = log_scene_warnings(model.scene, job)
     reduced = _reduced(job, model, motion, seconds, clock)

@@ -24,7 +24,7 @@ from romdam.core.scene import Scene
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
-from romdam.pipelines.run import Clock, with_modes_chosen
+from romdam.pipelines.run import Clock, choose_mesh_and_modes
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
 from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
@@ -98,7 +98,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     _refuse_many(job, len(records), design.sizes["sample"])
     motions = [record.motion for record in records if record.motion is not None]
     log_warnings(job, ())  # of the records there may be hundreds
-    job = with_modes_chosen(job, motions, clock)
+    job, _ = choose_mesh_and_modes(job, motions, clock)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
         places,

@@ -45,7 +45,7 @@ def run_suite(
         complain("romdam: stopped; what is finished is kept, and goes on when run again")
         raise typer.Exit(STOPPED) from None
     say(suite_table(outcome.summary))
-    complain(*suite_warning_lines(outcome.summary, job.config.transient.accuracy))
+    complain(*suite_warning_lines(outcome.summary, job.config.transient.step_accuracy))
     say(*write_page(job, out, stages))
     return failure_lines(outcome)
 

@@ -1,4 +1,4 @@
-"""The same job on a mesh of half, or twice, the size of the elements."""
+"""The same job on a mesh of half, or twice, the size of the elements, or of quadratic ones."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from romdam.config.sections.geometry.refinement import Divisions
 from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError
 
+_QUADRATIC = {"hex8": "hex20", "tet4": "tet10"}
 _OF_DAM = ("along", "through", "up")  # divisions of the dam itself, whose nodes hold the gaps
 MeshT = TypeVar("MeshT", MeshFileConfig, Divisions)
 
@@ -55,6 +56,39 @@ def on_coarser_mesh(job: Job) -> Job:
     return _on_other_mesh(job, finer=False)
 
 
+def on_quadratic_elements(job: Job) -> Job:
+    """The job with elements of quadratic displacements, as many as it has, in every box and generated dam.
+
+    Raises
+    ------
+    ConfigError
+        as `on_finer_mesh`; for mesh files, whose elements stay as they are, and where all are quadratic.
+    """
+    _refuse_bound_to_mesh(job)
+    config, blocks = job.config, dict(job.config.blocks)
+    changed: dict[str, object] = {}
+    for name, block in config.blocks.items():
+        if block.box is None:
+            raise ConfigError(f"{job.path}: blocks.{name}: is of a file, whose elements stay as they are")
+        if (element := _QUADRATIC.get(block.box.element)) is not None:
+            box = block.box.model_copy(update={"element": element})
+            blocks[name] = block.model_copy(update={"box": box})
+            changed["blocks"] = blocks
+    for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
+        if dam is not None and (element := _QUADRATIC.get(dam.element)) is not None:
+            changed[key] = dam.model_copy(update={"element": element})
+    if not changed:
+        raise ConfigError(f"{job.path}: all elements have quadratic displacements already")
+    return _of_another_mesh(job, changed)
+
+
+def with_mesh_of(job: Job, other: Job) -> Job:
+    """The job with the mesh of another, and all else its own."""
+    keys = ("blocks", "arch_dam", "gravity_dam")
+    mesh = {key: getattr(other.config, key) for key in keys}
+    return replace(job, config=job.config.model_copy(update=mesh))
+
+
 def _refuse_bound_to_mesh(job: Job) -> None:
     """Refuse what belongs to the nodes or to the number of gaps of one mesh."""
     for name, block in job.config.blocks.items():
@@ -84,17 +118,14 @@ def _counts(box: BoxConfig) -> tuple[float, ...]:
 
 
 def _on_other_mesh(job: Job, *, finer: bool) -> Job:
-    """The job with other numbers of elements, and without stress, which is not compared."""
+    """The job with other numbers of elements."""
     config, blocks = job.config, dict(job.config.blocks)
     for name, block in blocks.items():
         if block.box is not None:
             blocks[name] = block.model_copy(update={"box": _box(block.box, 0.5 if finer else 2.0)})
         elif block.mesh is not None:
             blocks[name] = block.model_copy(update={"mesh": _refined(block.mesh, finer=finer)})
-    changed: dict[str, object] = {
-        "blocks": blocks,
-        "outputs": config.outputs.model_copy(update={"stress": None, "mesh_error": None}),
-    }
+    changed: dict[str, object] = {"blocks": blocks}
     for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
         if dam is not None:
             divisions: Divisions = dam.divisions
@@ -105,7 +136,13 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
                 halved: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
                 divisions = divisions.model_copy(update=halved | {"growth": divisions.growth**2})
             changed[key] = dam.model_copy(update={"divisions": divisions})
-    return replace(job, config=config.model_copy(update=changed))
+    return _of_another_mesh(job, changed)
+
+
+def _of_another_mesh(job: Job, changed: dict[str, object]) -> Job:
+    """The job with some sections changed, and without stress, which is not compared."""
+    outputs = job.config.outputs.model_copy(update={"stress": None, "mesh_error": None})
+    return replace(job, config=job.config.model_copy(update=changed | {"outputs": outputs}))
 
 
 def _box(box: BoxConfig, factor: float) -> BoxConfig:

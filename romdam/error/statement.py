@@ -120,6 +120,57 @@ def sentences(attributes: Mapping[str, object]) -> dict[Kind, str]:
     return {kind: str(attributes[n.sentence]) for kind, n in _NAMES.items() if n.sentence in attributes}
 
 
+def opening_errors(attributes: Mapping[str, object]) -> dict[str, float]:
+    """Errors of the openings in L2 that a result states: of its mesh, of its modes and of its steps.
+
+    Those that are not known are left out.
+    """
+    modes = ("verification", "certificate", "error_estimate")
+    known = {
+        "mesh": "discretisation_opening_l2",
+        "modes": next((f"{kind}_opening_l2" for kind in modes if f"{kind}_opening_l2" in attributes), ""),
+        "steps": "solver_estimated_time_error",
+    }
+    errors = {name: float(str(attributes[key])) for name, key in known.items() if key in attributes}
+    if attributes["model_order"] == "full":
+        errors["modes"] = 0.0
+    return errors
+
+
+def accuracy_warnings(
+    attributes: Mapping[str, object], accuracy: float | None, total: float | None
+) -> list[str]:
+    """Say where a run's own statements are beyond the accuracy that its job asks for.
+
+    Parameters
+    ----------
+    attributes : of the result
+    accuracy : of steps and modes each, if one is asked for; the steps have a warning of their own
+    total : of mesh, modes and steps together, if one is asked for
+    """
+    errors = opening_errors(attributes)
+    if total is not None:
+        unknown = [name for name in ("mesh", "modes", "steps") if name not in errors]
+        if unknown:
+            return [
+                f"whether the total accuracy of {percent(total)} is kept is not known: the error of the "
+                f"{' and of the '.join(unknown)} is not"
+            ]
+        if (reached := sum(errors.values())) > total:
+            parts = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
+            return [
+                f"the total accuracy of {percent(total)} is NOT kept: {percent(reached)} are stated ({parts})"
+                + ("; model.modes: auto chooses the modes for it" if errors["modes"] > total / 5.0 else "")
+            ]
+        return []
+    if accuracy is not None and errors.get("modes", 0.0) > accuracy:
+        return [
+            f"leaving out modes changes the openings by about {percent(errors['modes'])}, wanted was an "
+            f"accuracy of {percent(accuracy)}: take more modes, or model.modes: auto, which chooses them"
+        ]
+    return []
+
+
 def write_certificate(path: Path, statement: ErrorStatement) -> Path:
     """Write <result>.certificate.json beside a result, and put the statement into the result itself.
 

@@ -118,16 +118,10 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
 
 def _total_error(attrs: Mapping[str, object]) -> str:
     """Sum the errors of the openings in L2 that are known: mesh, modes, steps."""
-    modes = ("verification", "certificate", "error_estimate")
-    known = {
-        "mesh": "discretisation_opening_l2",
-        "modes": next((f"{kind}_opening_l2" for kind in modes if f"{kind}_opening_l2" in attrs), ""),
-        "steps": "solver_estimated_time_error",
-    }
-    parts = {name: float(str(attrs[key])) for name, key in known.items() if key in attrs}
-    if attrs["model_order"] == "full":
-        parts["modes"] = 0.0
-    unknown = [name for name in known if name not in parts]
+    from romdam.error.statement import opening_errors
+
+    parts = opening_errors(attrs)
+    unknown = [name for name in ("mesh", "modes", "steps") if name not in parts]
     total = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
     more = f"; of {' and '.join(unknown)} unknown" if unknown else ""
     return f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {total}{more}"

@@ -294,6 +294,7 @@ class Config(Model):
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
         self._refuse_mesh_error_of_suites()
+        self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
         varied = [parameter.path for parameter in self.suite.parameters.values()] if self.suite else []
@@ -376,6 +377,25 @@ class Config(Model):
             raise ValueError(
                 "outputs.mesh_error: is stated of runs and not of suites; leave it out, and take "
                 "`romdam verify --mesh`, which runs the first record"
+            )
+
+    def _refuse_total_that_no_run_states(self) -> None:
+        if self.transient.total_accuracy is None:
+            return
+        lacking = {
+            "joints, whose openings it is of": bool(self.every_joint),
+            "damping, without which histories part in time whatever the mesh": self.damping.acts,
+            "outputs.error_estimate, which states what the modes leave": self.outputs.error_estimate,
+        }
+        for what, there in lacking.items():
+            if not there:
+                raise ValueError(
+                    f"transient.accuracy.total: needs {what}; or give an accuracy of the steps, 1 %"
+                )
+        if self.outputs.mesh_error is not None:
+            raise ValueError(
+                "outputs.mesh_error: transient.accuracy.total states the error of the mesh that it chooses; "
+                "leave one of the two out"
             )
 
     def _refuse_interval_that_no_steps_divide(self) -> None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from romdam.config.base import Model
+from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Dimensionless, Time
 from romdam.core.errors import listed, quote
 from romdam.core.integrators import INTEGRATORS
@@ -42,6 +42,28 @@ IntegratorName = Annotated[str, _Named(lambda: list(INTEGRATORS))]
 ModalName = Annotated[str, _Named(lambda: [name for name, entry in INTEGRATORS.items() if entry.uncoupled])]
 
 
+MESH_SHARE, REST_SHARE = 0.6, 0.2  # of a total error: the mesh, and modes and steps each; a mesh costs most
+
+
+class TotalAccuracy(Model):
+    """Accuracy of a run against a mesh without end: that of the mesh, of the modes and of the steps, added.
+
+    The mesh is chosen for it on the strongest record: as given, coarser, of quadratic elements, or finer.
+    """
+
+    total: Annotated[Dimensionless, Field(ge=1e-3, le=0.5)]
+    """Relative error in L2 that mesh, modes and steps together may leave."""
+    of: Literal["opening"] = "opening"
+    """Quantity that it is of."""
+
+
+Accuracy = Annotated[
+    Annotated[Dimensionless, Field(ge=1e-4, le=0.2), Tag("number")]
+    | Annotated[TotalAccuracy, Tag("mapping")],
+    by_shape("an accuracy of the steps such as 1 %, or {total: 2 %} of mesh, modes and steps together"),
+]
+
+
 class TransientConfig(Model):
     """Time integration: the step where contact changes, or the accuracy that picks it.
 
@@ -51,8 +73,9 @@ class TransientConfig(Model):
 
     finest_step: Annotated[Time, Positive] | None = None
     """The smallest step that the time stepping may take."""
-    accuracy: Annotated[Dimensionless, Field(ge=1e-4, le=0.2)] | None = None
-    """Accuracy of the time stepping: the step is refined until its estimated error is below."""
+    accuracy: Accuracy | None = None
+    """Accuracy of the time stepping: the step is refined until its estimated error is below. With `total`
+    that of mesh, modes and steps together, which chooses the mesh too."""
     duration: Annotated[Time, Positive] | None = None
     """Time at which a run ends, before its record does; refused where nothing but rest is left of it."""
     integrator: IntegratorName | None = None
@@ -75,3 +98,13 @@ class TransientConfig(Model):
                 f"`accuracy` chooses the step of a reduced model; give `finest_step` to {self.integrator}"
             )
         return self
+
+    @property
+    def total_accuracy(self) -> float | None:
+        """Error in L2 that mesh, modes and steps together may leave, if one is asked for."""
+        return self.accuracy.total if isinstance(self.accuracy, TotalAccuracy) else None
+
+    @property
+    def step_accuracy(self) -> float | None:
+        """Error in L2 that the steps may leave, and the modes as much; None where a step is given."""
+        return REST_SHARE * self.accuracy.total if isinstance(self.accuracy, TotalAccuracy) else self.accuracy

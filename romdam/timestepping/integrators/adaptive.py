@@ -42,7 +42,7 @@ class Adaptive(ModalIntegrator):
     @classmethod
     def configured(cls, transient: TransientConfig) -> Self:
         """Let joint forces change less within a step where more accuracy is asked for than usual."""
-        return cls(force_change=min(transient.accuracy or 1.0, cls.force_change))
+        return cls(force_change=min(transient.step_accuracy or 1.0, cls.force_change))
 
     def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
         """Cut a coarse step down to the finest."""

@@ -1,0 +1,214 @@
+"""`transient.accuracy: {total: ...}`: the cheapest mesh of those tried whose stated error keeps its share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from romdam.config.load import Job
+from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh, on_quadratic_elements, with_mesh_of
+from romdam.config.sections.transient import MESH_SHARE
+from romdam.core.errors import ConfigError, MeshError, ReductionError
+from romdam.core.motion import GroundMotion
+from romdam.core.system import History
+from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.statement import ErrorStatement, percent
+from romdam.pipelines.simulation import Model
+from romdam.timestepping.integrators.protocol import Progress
+
+MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
+_TRUSTED = 0.03  # stated from a coarser mesh: beyond it that is too coarse to tell, and a finer one is asked
+_ORDER = (
+    2.0  # of the error in the size of the elements, to tell which mesh would keep an error: linear elements
+)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run on one mesh, and what it took [s of CPU]."""
+
+    run: MeshRun
+    cpu_seconds: float
+
+
+RunMesh = Callable[[Job, str], Trial]  # a job and what its mesh is called -> its run
+
+
+@dataclass(frozen=True)
+class MeshChoice:
+    """The mesh that was chosen.
+
+    Attributes
+    ----------
+    job : on that mesh
+    total : relative error that mesh, modes and steps together may leave
+    statement : of the mesh's error on the record that it was chosen on, and the table of all that was tried
+    """
+
+    job: Job
+    total: float
+    statement: ErrorStatement
+
+    def state(
+        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+    ) -> ErrorStatement:
+        """State the error of the mesh in a run: that of the run which it was chosen on."""
+        return self.statement
+
+
+@dataclass
+class _Tried:
+    """Meshes that were run, and the errors stated of them.
+
+    Attributes
+    ----------
+    total : error of the openings in L2 that mesh, modes and steps together may leave
+    about : record and configuration, for statements
+    """
+
+    job: Job
+    total: float
+    run_mesh: RunMesh
+    about: dict[str, object]
+    trials: dict[str, Trial] = field(default_factory=dict)
+    statements: dict[str, ErrorStatement] = field(default_factory=dict)
+
+    def compare(self, coarse: tuple[str, Job], fine: tuple[str, Job]) -> tuple[str, Job] | None:
+        """Run two meshes, one of half the size of the other; the coarser one that keeps the share, if any."""
+        for name, job in (coarse, fine):
+            self.run(name, job)
+        runs = self.trials[coarse[0]].run, self.trials[fine[0]].run
+        if coarse[0] not in self.statements:
+            self.statements[coarse[0]] = discretisation(runs[0], runs[1], finer=True, about=self.about)
+        self.statements[fine[0]] = discretisation(runs[1], runs[0], finer=False, about=self.about)
+        for name, job in (coarse, fine):
+            if name == fine[0] and _TRUSTED < self.error(name) <= self.share:
+                finer = f"{name}, halved"
+                self.run(finer, on_finer_mesh(job))
+                pair = self.trials[name].run, self.trials[finer].run
+                self.statements[name] = discretisation(*pair, finer=True, about=self.about)
+                self.statements[finer] = discretisation(*pair[::-1], finer=False, about=self.about)
+            if self.error(name) <= self.share:
+                return name, job
+        return None
+
+    @property
+    def share(self) -> float:
+        """What the mesh may leave of it."""
+        return MESH_SHARE * self.total
+
+    def run(self, name: str, job: Job) -> None:
+        """Run a mesh, if it has not been."""
+        if name not in self.trials:
+            self.trials[name] = self.run_mesh(job, name)
+
+    def can_run(self, name: str, job: Job) -> bool:
+        """Run a mesh if its elements and modes go with the job."""
+        try:
+            self.run(name, job)
+        except (ConfigError, MeshError, ReductionError):
+            return False
+        return True
+
+    def error(self, name: str) -> float:
+        """Error of the openings in L2 that was stated of a mesh."""
+        return self.statements[name].errors["opening"].l2
+
+    def refuse_large(self, name: str) -> None:
+        """Refuse to refine a mesh where the one that would keep the share has too many unknowns."""
+        if name not in self.statements:
+            return
+        trial, error = self.trials[name], self.error(name)
+        refinements = max(1, math.ceil(math.log2(error / self.share) / _ORDER))
+        unknowns, seconds = (8.0**refinements * number for number in (trial.run.unknowns, trial.cpu_seconds))
+        if unknowns <= MOST_UNKNOWNS:
+            return
+        raise ConfigError(
+            f"{self.job.path}: transient.accuracy.total: the mesh may leave {percent(self.share)} of it. The "
+            f"last mesh tried, {name}, leaves {percent(error)}; one that keeps it would have about "
+            f"{unknowns:.1g} unknowns, limit {MOST_UNKNOWNS:.0g}, and take about {seconds:.1g} s of CPU. Ask "
+            f"for a total of {percent(1.1 * error / MESH_SHARE)}, or refine only where the joints are, with "
+            "other divisions or a mesh file"
+        )
+
+    def choose(self, name: str, job: Job) -> MeshChoice:
+        """The choice of a mesh, with the table of all that were tried."""
+        table = [
+            {
+                "mesh": tried,
+                "unknowns": trial.run.unknowns,
+                "gaps": len(trial.run.position),
+                "opening_error": self.error(tried),
+                "cpu_seconds": trial.cpu_seconds,
+                "chosen": tried == name,
+            }
+            for tried, trial in self.trials.items()
+        ]
+        statement = self.statements[name]
+        sentence = (
+            f"{statement.sentence} Of {len(table)} meshes tried this one, {name}, was chosen: the mesh may "
+            f"leave {percent(self.share)} of the total of {percent(self.total)} that was asked for."
+        )
+        details = dict(statement.details) | {"asked": self.total, "meshes": table}
+        return MeshChoice(
+            with_mesh_of(self.job, job), self.total, replace(statement, sentence=sentence, details=details)
+        )
+
+
+def with_accuracy(job: Job, accuracy: float | None) -> Job:
+    """The job with an accuracy of its steps, and of `modes: auto`."""
+    transient = job.config.transient.model_copy(update={"accuracy": accuracy})
+    return replace(job, config=job.config.model_copy(update={"transient": transient}))
+
+
+def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, object]) -> MeshChoice:
+    """Choose the mesh whose error keeps its share of a total.
+
+    The given mesh and one of elements of twice the size are run first, or of half where there is none of
+    twice. If neither keeps the share, elements of quadratic displacements follow, of twice the size, then as
+    given; then each mesh is refined until one does. The error of a mesh is stated as by `romdam verify
+    --mesh`, from a sibling of the same kind; what a coarser one states beyond 3 % is asked of a finer one.
+
+    Parameters
+    ----------
+    total : relative error of the openings in L2 that mesh, modes and steps together may leave
+    run_mesh : makes and runs a job's model on the record to choose on
+    about : `record`, `seconds` and whatever else the statement is to say
+
+    Raises
+    ------
+    ConfigError
+        where no mesh of at most MOST_UNKNOWNS would do, and where there is no other mesh.
+    """
+    tried = _Tried(job, total, run_mesh, about)
+    quadratic = _where_possible(on_quadratic_elements, job)
+    kinds = {"": job} if quadratic is None else {"": job, "quadratic ": quadratic}
+    for kind, mesh in kinds.items():
+        size, last = 1.0, (f"{kind}elements as given", mesh)
+        coarser = _where_possible(on_coarser_mesh, mesh)
+        pair: tuple[tuple[str, Job], tuple[str, Job]] | None = None
+        if coarser is not None and tried.can_run(name := f"{kind}elements of twice the size", coarser):
+            pair = (name, coarser), last
+        elif not kind:
+            size = 0.5
+            pair = last, ("elements of half the size", on_finer_mesh(mesh))
+        if pair is not None:
+            if (kept := tried.compare(*pair)) is not None:
+                return tried.choose(*kept)
+            last = pair[1]
+    while True:
+        tried.refuse_large(last[0])
+        size /= 2.0
+        finer = (f"{kind}elements of {size:g} times the size", on_finer_mesh(last[1]))
+        if (kept := tried.compare(last, finer)) is not None:
+            return tried.choose(*kept)
+        last = finer
+
+
+def _where_possible(change: Callable[[Job], Job], job: Job) -> Job | None:
+    """The job on another mesh, or None where it has no such mesh."""
+    try:
+        return change(job)
+    except ConfigError:
+        return None
