@@ -62,6 +62,7 @@ def verify_mesh(
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
+    sibling = sibling_job(job, finer=finer)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
@@ -71,7 +72,7 @@ def verify_mesh(
     refuse_lengths(job, [motion], seconds)
     if job.config.transient.total_accuracy is not None:
         job, _ = choose_mesh_and_modes(job, motions, clock)
-    sibling = sibling_job(job, finer=finer)
+        sibling = sibling_job(job, finer=finer)
     if job.config.model.order != "full":
         job, sibling = (with_modes_chosen(prepared_job, motions, clock) for prepared_job in (job, sibling))
     run, scene = run_on_mesh(job, motion, seconds, clock, "run")

@@ -1,7 +1,7 @@
 """What `transient.accuracy: {total: ...}` comes to, beside the true error of the openings and the cost.
 
 The truth is the same job on quadratic elements of half the size of the mesh that was chosen, with 200 modes a
-block and steps of 0.1 %. The cost is the CPU time of the run on the chosen setting, without the runs that
+block and steps of 0.2 %. The cost is the CPU time of the run on the chosen setting, without the runs that
 found it, beside that of runs on given meshes with modes and steps as good (`--sweep`): the cheapest of these
 whose true error keeps the total is what the choice is held against. Prints a Markdown table.
 
@@ -74,7 +74,7 @@ def measure(case: str, record: str, seconds: float, *, sweep: bool) -> Iterator[
     truths = dict[str, MeshRun]()
 
     def truth_of(job: Job) -> MeshRun:
-        limit = with_keys(limit_of(job), 200, 0.001, estimated=False)
+        limit = with_keys(limit_of(job), 200, 0.002, estimated=False)
         if limit.digest not in truths:
             truths[limit.digest] = timed(limit, motions[0], seconds)[0]
         return truths[limit.digest]
