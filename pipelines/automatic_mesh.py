@@ -71,42 +71,47 @@ class _Tried:
     total: float
     run_mesh: RunMesh
     about: dict[str, object]
+    jobs: dict[str, Job] = field(default_factory=dict)
     trials: dict[str, Trial] = field(default_factory=dict)
     statements: dict[str, ErrorStatement] = field(default_factory=dict)
 
-    def compare(self, coarse: tuple[str, Job], fine: tuple[str, Job]) -> tuple[str, Job] | None:
+    def compare(self, coarse: str, fine: str) -> str | None:
         """Run two meshes, one of half the size of the other; the coarser one that keeps the share, if any."""
-        for name, job in (coarse, fine):
-            self.run(name, job)
-        runs = self.trials[coarse[0]].run, self.trials[fine[0]].run
-        if coarse[0] not in self.statements:
-            self.statements[coarse[0]] = discretisation(runs[0], runs[1], finer=True, about=self.about)
-        self.statements[fine[0]] = discretisation(runs[1], runs[0], finer=False, about=self.about)
-        for name, job in (coarse, fine):
-            if name == fine[0] and _TRUSTED < self.error(name) <= self.share:
-                finer = f"{name}, halved"
-                self.run(finer, on_finer_mesh(job))
-                pair = self.trials[name].run, self.trials[finer].run
-                self.statements[name] = discretisation(*pair, finer=True, about=self.about)
-                self.statements[finer] = discretisation(*pair[::-1], finer=False, about=self.about)
-            if self.error(name) <= self.share:
-                return name, job
-        return None
+        self.run(coarse)
+        self.run(fine)
+        runs = self.trials[coarse].run, self.trials[fine].run
+        if coarse not in self.statements:
+            self.statements[coarse] = discretisation(*runs, finer=True, about=self.about)
+        self.statements[fine] = discretisation(*runs[::-1], finer=False, about=self.about)
+        if self.error(coarse) <= self.share:
+            return coarse
+        if _TRUSTED < self.error(fine) <= self.share:
+            finer = self.mesh(f"{fine}, halved", on_finer_mesh(self.jobs[fine]))
+            self.run(finer)
+            runs = self.trials[fine].run, self.trials[finer].run
+            self.statements[fine] = discretisation(*runs, finer=True, about=self.about)
+            self.statements[finer] = discretisation(*runs[::-1], finer=False, about=self.about)
+        return fine if self.error(fine) <= self.share else None
 
     @property
     def share(self) -> float:
         """What the mesh may leave of it."""
         return MESH_SHARE * self.total
 
-    def run(self, name: str, job: Job) -> None:
+    def mesh(self, name: str, job: Job) -> str:
+        """Name a mesh to be tried."""
+        self.jobs[name] = job
+        return name
+
+    def run(self, name: str) -> None:
         """Run a mesh, if it has not been."""
         if name not in self.trials:
-            self.trials[name] = self.run_mesh(job, name)
+            self.trials[name] = self.run_mesh(self.jobs[name], name)
 
-    def can_run(self, name: str, job: Job) -> bool:
+    def can_run(self, name: str) -> bool:
         """Run a mesh if its elements and modes go with the job."""
         try:
-            self.run(name, job)
+            self.run(name)
         except (ConfigError, MeshError, ReductionError):
             return False
         return True
@@ -132,7 +137,7 @@ class _Tried:
             "other divisions or a mesh file"
         )
 
-    def choose(self, name: str, job: Job) -> MeshChoice:
+    def choose(self, name: str) -> MeshChoice:
         """The choice of a mesh, with the table of all that were tried."""
         table = [
             {
@@ -152,7 +157,9 @@ class _Tried:
         )
         details = dict(statement.details) | {"asked": self.total, "meshes": table}
         return MeshChoice(
-            with_mesh_of(self.job, job), self.total, replace(statement, sentence=sentence, details=details)
+            with_mesh_of(self.job, self.jobs[name]),
+            self.total,
+            replace(statement, sentence=sentence, details=details),
         )
 
 
@@ -185,25 +192,26 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
     quadratic = _where_possible(on_quadratic_elements, job)
     kinds = {"": job} if quadratic is None else {"": job, "quadratic ": quadratic}
     for kind, mesh in kinds.items():
-        size, last = 1.0, (f"{kind}elements as given", mesh)
+        size, last, coarse = 1.0, tried.mesh(f"{kind}elements as given", mesh), None
         coarser = _where_possible(on_coarser_mesh, mesh)
-        pair: tuple[tuple[str, Job], tuple[str, Job]] | None = None
-        if coarser is not None and tried.can_run(name := f"{kind}elements of twice the size", coarser):
-            pair = (name, coarser), last
+        if coarser is not None:
+            coarse = tried.mesh(f"{kind}elements of twice the size", coarser)
+        if coarse is not None and tried.can_run(coarse):
+            kept = tried.compare(coarse, last)
         elif not kind:
-            size = 0.5
-            pair = last, ("elements of half the size", on_finer_mesh(mesh))
-        if pair is not None:
-            if (kept := tried.compare(*pair)) is not None:
-                return tried.choose(*kept)
-            last = pair[1]
+            size, fine = 0.5, tried.mesh("elements of half the size", on_finer_mesh(mesh))
+            kept, last = tried.compare(last, fine), fine
+        else:
+            kept = None  # it is compared with elements of half the size below
+        if kept is not None:
+            return tried.choose(kept)
     while True:
-        tried.refuse_large(last[0])
+        tried.refuse_large(last)
         size /= 2.0
-        finer = (f"{kind}elements of {size:g} times the size", on_finer_mesh(last[1]))
-        if (kept := tried.compare(last, finer)) is not None:
-            return tried.choose(*kept)
-        last = finer
+        fine = tried.mesh(f"{kind}elements of {size:g} times the size", on_finer_mesh(tried.jobs[last]))
+        if (kept := tried.compare(last, fine)) is not None:
+            return tried.choose(kept)
+        last = fine
 
 
 def _where_possible(change: Callable[[Job], Job], job: Job) -> Job | None:
