@@ -48,6 +48,12 @@ class _Field:
     label: str
     colours: str
 
+    def colormap(self, norm: Normalize) -> Colormap:
+        """Colours of a range; those of signed values are as far from white as the value is from zero."""
+        if self.colours != _SIGNED or norm.vmin is None or norm.vmax is None:
+            return mpl.colormaps[self.colours]
+        return range_colours(norm.vmin, norm.vmax)
+
 
 def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
     """Draw displacement, and every stress that the result has, at its worst step: `stem`-field_<name>.png.
@@ -61,10 +67,11 @@ def draw_fields(result: Result, folder: Path, stem: str) -> list[Path]:
     time = worst_displacement_time(result)
     paths = [_draw(result, _displacement(result, time), time, folder / f"{stem}-field_displacement.png")]
     for name in ("principal", "vertical", "arch"):
-        if _has_numbers(dataset, f"worst_{name}_stress"):
+        variable = f"worst_{name}_stress"
+        if variable in dataset and dataset[variable].notnull().any():
             at = float(dataset[f"worst_{name}_time"])
             path = folder / f"{stem}-field_{name}_stress.png"
-            paths.append(_draw(result, _stress(result, f"worst_{name}_stress", at), at, path))
+            paths.append(_draw(result, _stress(result, variable, at), at, path))
     if "demand_capacity_ratio" in dataset:
         field = _stress(result, "demand_capacity_ratio", None)
         paths.append(_draw(result, field, None, folder / f"{stem}-field_demand_capacity_ratio.png"))
@@ -95,19 +102,13 @@ def draw_side_by_side(results: Mapping[str, Result], axis: str, folder: Path, st
     path = folder / f"{stem}-field_displacement.png"
     paths = {"field_displacement": _draw_each(results, fields, times, path)}
     for kind in ("principal", "vertical"):
-        name, datasets = f"field_{kind}_stress", [result.dataset for result in results.values()]
-        if all(_has_numbers(result, f"worst_{kind}_stress") for result in datasets):
+        name, variable = f"field_{kind}_stress", f"worst_{kind}_stress"
+        datasets = [result.dataset for result in results.values()]
+        if all(variable in dataset and dataset[variable].notnull().any() for dataset in datasets):
             times = {key: float(result.dataset[f"worst_{kind}_time"]) for key, result in results.items()}
-            fields = {
-                key: _stress(result, f"worst_{kind}_stress", times[key]) for key, result in results.items()
-            }
+            fields = {key: _stress(result, variable, times[key]) for key, result in results.items()}
             paths[name] = _draw_each(results, fields, times, folder / f"{stem}-{name}.png")
     return paths
-
-
-def _has_numbers(dataset: xr.Dataset, variable: str) -> bool:
-    """Tell whether a dataset has a variable with a number in it."""
-    return variable in dataset and bool(dataset[variable].notnull().any())
 
 
 def write_animation(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
@@ -142,7 +143,7 @@ def _displacement(result: Result, time: float, axis: str | None = None) -> _Fiel
     """Size of the displacement, or its component along an axis."""
     moved = {name: result.displacement(name, times=time).values[0] for name in dam_blocks(result)}
     if axis is not None:
-        values = {name: u["xyz".index(axis)] for name, u in ((n, v.T) for n, v in moved.items())}
+        values = {name: u[:, "xyz".index(axis)] for name, u in moved.items()}
         return _Field(values, moved, "m", f"displacement along {axis} relative to the base", "viridis")
     values = {name: np.linalg.norm(u, axis=1) for name, u in moved.items()}
     return _Field(values, moved, "m", "displacement relative to the base", "viridis")
@@ -185,7 +186,7 @@ def _draw(result: Result, field: _Field, time: float | None, path: Path) -> Path
     when += "" if time is None else f", at {time:.2f} s, shape x {scale:g}"
     with mpl.rc_context(STYLE):
         figure, axes = image_panels(images, f"{field.label}{when}  ·  {result.dataset.attrs['record']}")
-        bar = mpl.cm.ScalarMappable(norm, _colours(field, norm))
+        bar = mpl.cm.ScalarMappable(norm, field.colormap(norm))
         label = f"{field.label}{f' [{unit}]' if unit else ''}"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
@@ -202,8 +203,13 @@ def _draw_each(
     norm, beyond = _norm(in_unit, first)
     largest = max(np.linalg.norm(u, axis=1).max() for field in fields.values() for u in field.moved.values())
     scale = magnification(result, float(largest))
-    bounds = _moved_bounds(result, first, scale)
-    direction = _across_the_narrow_side(bounds)
+    # bounds of the blocks as they stand and as they are drawn, seen so that the longer side lies across
+    points = np.concatenate(
+        [result.points(block) + s * first.moved[block] for block in first.values for s in (0.0, scale)]
+    )
+    bounds = points.min(axis=0), points.max(axis=0)
+    long_x, long_y, _ = bounds[1] - bounds[0]
+    direction = _DIRECTIONS[1] if long_x >= long_y else _DIRECTIONS[1][[1, 0, 2]]
     panels: dict[str, Image] = {}
     for name, result in results.items():
         in_unit_of = {block: values * factor for block, values in fields[name].values.items()}
@@ -221,7 +227,7 @@ def _draw_each(
     with mpl.rc_context(STYLE):
         title = f"{first.label}, shape x {scale:g}  ·  {record}"
         figure, axes = image_grid(panels, title)
-        bar = mpl.cm.ScalarMappable(norm, _colours(first, norm))
+        bar = mpl.cm.ScalarMappable(norm, first.colormap(norm))
         label = f"{first.label} [{unit}]"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30, extend=beyond)
     return save_figure(figure, path)
@@ -235,26 +241,6 @@ def _sides(result: Result) -> dict[str, Floats]:
     along, up = np.asarray(upstream, dtype=float), np.array([0.0, 0.0, 0.45])
     aside = 0.5 * np.cross(along, [0.0, 0.0, 1.0])
     return {side_name(s * (along + aside), along): s * (along + aside) + up for s in (1.0, -1.0)}
-
-
-def _colours(field: _Field, norm: Normalize) -> Colormap:
-    """Colours of a range; those of signed values are as far from white as the value is from zero."""
-    if field.colours != _SIGNED or norm.vmin is None or norm.vmax is None:
-        return mpl.colormaps[field.colours]
-    return range_colours(norm.vmin, norm.vmax)
-
-
-def _moved_bounds(result: Result, field: _Field, scale: float) -> Bounds:
-    """Bounds of the blocks as they stand and as they are drawn."""
-    points = [result.points(name) + s * field.moved[name] for name in field.values for s in (0.0, scale)]
-    return np.concatenate(points).min(axis=0), np.concatenate(points).max(axis=0)
-
-
-def _across_the_narrow_side(bounds: Bounds) -> Floats:
-    """Direction to the eye that sees a model's longer horizontal side."""
-    long_x, long_y, _ = bounds[1] - bounds[0]
-    ahead = _DIRECTIONS[1]
-    return ahead if long_x >= long_y else ahead[[1, 0, 2]]
 
 
 def _norm(values: xr.DataArray, field: _Field) -> tuple[Normalize, str]:
@@ -287,7 +273,7 @@ def _view(
         points = result.points(name) + scale * field.moved[name]
         mesh, straight = grid(element, points, cells), surface(grid(element, points, cells, straight=True))
         mesh.point_data["values"] = values
-        bar = {"scalars": "values", "cmap": _colours(field, norm), "clim": (norm.vmin, norm.vmax)}
+        bar = {"scalars": "values", "cmap": field.colormap(norm), "clim": (norm.vmin, norm.vmax)}
         flat = {"lighting": False, "ambient": 0.0, "diffuse": 1.0}  # the colours of the bar, unshaded
         picture.add(surface(mesh), **bar, **flat, nan_color=_MISSING)
         all_of_them = len(cells) < _EDGED

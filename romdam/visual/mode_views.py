@@ -10,7 +10,6 @@ import xarray as xr
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from romdam.core.arrays import Floats
 from romdam.core.scene import Scene
 from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
@@ -41,7 +40,10 @@ def draw_modes(scene: Scene, dataset: xr.Dataset, path: Path) -> Path:
     panels = {}
     for mode in dataset.mode.values[:_DRAWN]:
         shape = dataset.sel(mode=mode)
-        panels[_title(shape)] = _view(scene, dam, shape, scale, bounds)
+        masses = 100.0 * shape.effective_mass / shape.total_mass
+        shares = ", ".join(f"{axis} {float(masses.sel(direction=axis)):.0f} %" for axis in "xyz")
+        name = f"{int(shape.mode)}: {float(shape.frequency):.4g} Hz\neffective mass {shares}"
+        panels[name] = _view(scene, dam, shape, scale, bounds)
     with mpl.rc_context(STYLE):
         title = f"{dataset.attrs['title']}  ·  joints {dataset.attrs['joints']}"
         figure, axes = image_grid(panels, title)
@@ -49,12 +51,6 @@ def draw_modes(scene: Scene, dataset: xr.Dataset, path: Path) -> Path:
         label = "displacement over the mode's largest"
         figure.colorbar(bar, ax=axes, label=label, shrink=0.8, pad=0.01, aspect=30)
     return save_figure(figure, path)
-
-
-def _title(mode: xr.Dataset) -> str:
-    masses = 100.0 * mode.effective_mass / mode.total_mass
-    shares = ", ".join(f"{axis} {float(masses.sel(direction=axis)):.0f} %" for axis in "xyz")
-    return f"{int(mode.mode)}: {float(mode.frequency):.4g} Hz\neffective mass {shares}"
 
 
 def _view(scene: Scene, dam: list[str], mode: xr.Dataset, scale: float, bounds: Bounds) -> Image:
@@ -83,15 +79,11 @@ def draw_measured(dataset: xr.Dataset, path: Path) -> Path:
         ax.fill_between(ends, (1.0 - _NEAR) * ends, (1.0 + _NEAR) * ends, color=GREY, alpha=0.25, lw=0.0)
         ax.plot(ends, ends, color=GREY, lw=0.8)
         ax.plot(measured, computed, "o", color=COLOURS[0], ms=5)
-        _label(ax, dataset, measured, computed)
+        for name, x, y in zip(dataset.measured.values, measured, computed, strict=True):
+            text = f"{name}: {100.0 * (y / x - 1.0):+.1f} %"
+            ax.annotate(text, (x, y), xytext=(7, -3), textcoords="offset points", fontsize=7.5)
         ax.set(xlim=ends, ylim=ends, xlabel="measured frequency [Hz]", ylabel="computed frequency [Hz]")
         ax.set_aspect("equal")
         title = f"{dataset.attrs['title']}  ·  joints {dataset.attrs['joints']}; band: 5 %"
         ax.set_title(title, loc="left", wrap=True)
     return save_figure(figure, path)
-
-
-def _label(ax: mpl.axes.Axes, dataset: xr.Dataset, measured: Floats, computed: Floats) -> None:
-    for name, x, y in zip(dataset.measured.values, measured, computed, strict=True):
-        text = f"{name}: {100.0 * (y / x - 1.0):+.1f} %"
-        ax.annotate(text, (x, y), xytext=(7, -3), textcoords="offset points", fontsize=7.5)

@@ -12,7 +12,6 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -103,17 +102,34 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
     names = [str(name) for name in dataset.joint.values]
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    faces = [_width_over_height(dataset, name) for name in names]
-    wide = min(4.0 * max(faces) + 0.8, _BROADEST / columns)
-    high = min(4.8, (wide - 0.8) / min(faces) + 0.8)
+    # each joint's gaps in its own plane: the local axis nearest to vertical up, the other across
+    chosen = {name: dataset.gap_joint.values == name for name in names}
+    planes = {name: _plane_axes(dataset.gap_tangent.values[chosen[name]].mean(axis=0)) for name in names}
+    faces = {}
+    for name, (across, up) in planes.items():
+        position = dataset.gap_position.values[chosen[name]]
+        faces[name] = position @ across, position @ up
+    # width over height of the faces, kept between what a figure can show
+    shapes = [float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 1.5)) for x, y in faces.values()]
+    wide = min(4.0 * max(shapes) + 0.8, _BROADEST / columns)
+    high = min(4.8, (wide - 0.8) / min(shapes) + 0.8)
     figure = Figure(figsize=(columns * wide + 1.2, high * rows + 0.4), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     peaks, _, unit = scaled(dataset.gap_peak_opening, "m")
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for ax, name in zip(axes, names, strict=False):
-        chosen = dataset.gap_joint.values == name
-        _face_map(ax, dataset, chosen, peaks, norm)
-        ax.set_title(f"{name}: {float(peaks.values[chosen].max()):.3g} {unit}", fontsize=8)
+        (x, y), (across, up), values = faces[name], planes[name], peaks.values[chosen[name]]
+        if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
+            mesh = within_outline(x, y, float(dataset.gap_area.values[chosen[name]].sum()))
+            ax.tripcolor(mesh, values, norm=norm, cmap="viridis", shading="gouraud")
+            ax.scatter(x, y, s=2, color="white", lw=0)
+        else:  # gaps in a row have no face
+            ax.scatter(x, y, c=values, s=24, norm=norm, cmap="viridis", lw=0)
+        ax.grid(visible=False)
+        ax.set_aspect("equal")
+        ax.set_xlabel(f"{axis_name(across, 'across')} [m]")
+        ax.set_ylabel(f"{axis_name(up, 'up')} [m]")
+        ax.set_title(f"{name}: {float(values.max()):.3g} {unit}", fontsize=8)
     for ax in axes[len(names) :]:
         ax.set_visible(False)
     bar = mpl.cm.ScalarMappable(norm, "viridis")
@@ -220,22 +236,6 @@ def save_figure(figure: Figure, path: Path) -> Path:
     return path
 
 
-def _face_map(ax: Axes, dataset: xr.Dataset, chosen: Array, peaks: xr.DataArray, norm: Normalize) -> None:
-    """One joint's gaps in its own plane: the local axis nearest to vertical up, the other across."""
-    x, y = _face_coordinates(dataset, chosen)
-    if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
-        mesh = within_outline(x, y, float(dataset.gap_area.values[chosen].sum()))
-        ax.tripcolor(mesh, peaks.values[chosen], norm=norm, cmap="viridis", shading="gouraud")
-        ax.scatter(x, y, s=2, color="white", lw=0)
-    else:  # gaps in a row have no face
-        ax.scatter(x, y, c=peaks.values[chosen], s=24, norm=norm, cmap="viridis", lw=0)
-    across, up = _plane_axes(dataset.gap_tangent.values[chosen].mean(axis=0))
-    ax.grid(visible=False)
-    ax.set_aspect("equal")
-    ax.set_xlabel(f"{axis_name(across, 'across')} [m]")
-    ax.set_ylabel(f"{axis_name(up, 'up')} [m]")
-
-
 def within_outline(x: Array, y: Array, area: float) -> Triangulation:
     """Triangles between gaps, less those in the joint's hollows and those flat on its rim.
 
@@ -270,19 +270,6 @@ def within_outline(x: Array, y: Array, area: float) -> Triangulation:
     mesh.set_mask(gone)
     mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))
     return mesh
-
-
-def _face_coordinates(dataset: xr.Dataset, chosen: Array) -> tuple[Array, Array]:
-    """Positions of gaps across and up their joint's plane [m]."""
-    position = dataset.gap_position.values[chosen]
-    across, up = _plane_axes(dataset.gap_tangent.values[chosen].mean(axis=0))
-    return position @ across, position @ up
-
-
-def _width_over_height(dataset: xr.Dataset, name: str) -> float:
-    """Shape of a joint's face, kept between what a figure can show."""
-    x, y = _face_coordinates(dataset, dataset.gap_joint.values == name)
-    return float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 1.5))
 
 
 def _plane_axes(tangents: Array) -> tuple[Array, Array]:

@@ -36,18 +36,23 @@ def plot_record(motion: GroundMotion, recorded: GroundMotion | None = None) -> F
         panels = figure.subplots(5, len(shaken), squeeze=False, height_ratios=(1, 1, 1, 1.4, 1.4))
         for column, axis in enumerate(shaken):
             curves = record_curves(motion, axis), record_curves(recorded, axis) if recorded else None
-            _histories(panels[:3, column], motion, curves, axis)
-            if recorded is not None:
-                _recorded(panels[:3, column], recorded, curves, _words(motion)[1])
-            _response(panels[3, column], curves, motion)
-            _fourier(panels[4, column], motion, curves)
+            _histories(panels[:3, column], motion, recorded, curves)
+            panels[0, column].set_title(f"component {AXES[axis]}")
+            _spectra(panels[3, column], panels[4, column], motion, curves)
         for row in panels:
             for ax in row[1:]:
                 ax.set_ylabel("")
-        _share_limits(panels)
+            # the same scale for all components, so that they can be compared by eye
+            low, high = min(ax.get_ylim()[0] for ax in row), max(ax.get_ylim()[1] for ax in row)
+            for ax in row:
+                ax.set_ylim(low, high)
         if recorded is not None:
             legend_below(figure, panels[0])
-        figure.suptitle(_title(motion), fontsize=10)
+        channels = motion.provenance.get("channels", [])
+        first = channels[0] if isinstance(channels, list) and channels else {}
+        labels = [str(first.get(key, "")) for key in ("event", "station_name", "station")]
+        words = ", ".join(dict.fromkeys(label for label in labels if label))
+        figure.suptitle(f"{motion.name}: {words}" if words else motion.name, fontsize=10)
     return figure
 
 
@@ -65,33 +70,76 @@ def write_record_plots(pairs: Iterable[tuple[GroundMotion, GroundMotion | None]]
     return paths
 
 
-def _histories(panels: Array, motion: GroundMotion, curves: Curves, axis: int) -> None:
+def _histories(panels: Array, motion: GroundMotion, recorded: GroundMotion | None, curves: Curves) -> None:
+    """Draw the histories of a component after correction, and grey behind them those before.
+
+    Pads lie at negative times, so both histories start at 0. A part of the pads is shown, and a text says how
+    long they go on.
+    """
     after, before = curves
-    start = _seconds(motion, "pad_before_s")  # pads lie at negative times: both histories start at 0
-    label = _words(motion)[0] if before else None
+    pad_before, pad_after = _seconds(motion, "pad_before_s"), _seconds(motion, "pad_after_s")
     for ax, (quantity, unit) in zip(panels, QUANTITIES.items(), strict=True):
         values = getattr(after, quantity)
-        ax.plot(after.time - start, values, color=COLOURS[0], lw=0.7, label=label)
+        largest = float(np.max(np.abs(values)))
+        label = _words(motion)[0] if before else None
+        ax.plot(after.time - pad_before, values, color=COLOURS[0], lw=0.7, label=label)
         ax.axhline(0.0, color="black", lw=0.4, zorder=0)
         ax.set_ylabel(unit)
-        peak = f"peak {np.abs(values).max():.3g}"
-        ax.text(0.99, 0.97, peak, transform=ax.transAxes, ha="right", va="top", fontsize=8)
+        ax.text(0.99, 0.97, f"peak {largest:.3g}", transform=ax.transAxes, ha="right", va="top", fontsize=8)
+        if before is None or recorded is None:
+            continue
+        behind, start = getattr(before, quantity), _seconds(recorded, "pad_before_s")
+        ax.plot(before.time - start, behind, color=GREY, lw=0.7, label=_words(motion)[1], zorder=1)
+        # a drift of metres must not flatten the corrected history: it may leave the panel
+        limit = 1.25 * largest
+        if limit > 0.0 and np.max(np.abs(behind)) > 3.0 * limit:
+            ax.set_ylim(-limit, limit)
+            ax.text(
+                0.01, 0.03, f"uncorrected reaches {np.max(np.abs(behind)):.3g}", transform=ax.transAxes,
+                va="bottom", fontsize=7, color="#666666",
+            )  # fmt: skip
     for ax in panels[:2]:
         ax.tick_params(labelbottom=False)
-    panels[0].set_title(f"component {AXES[axis]}")
     panels[2].set_xlabel("time [s]")
-    _zoom_on_record(panels, motion)
+    length = motion.duration - pad_before - pad_after
+    margin = 0.12 * length
+    for ax in panels:
+        ax.set_xlim(-min(pad_before, margin) - 0.01 * length, length + min(pad_after, margin) + 0.01 * length)
+    if pad_before + pad_after > 0.0:
+        text = f"pads of {pad_before:.3g} s and {pad_after:.3g} s at the ends"
+        panels[2].text(0.99, 0.03, text, transform=panels[2].transAxes, ha="right", va="bottom", fontsize=7)
 
 
-def _recorded(panels: Array, recorded: GroundMotion, curves: Curves, label: str) -> None:
-    """The histories before, behind those after."""
+def _spectra(response: Axes, fourier: Axes, motion: GroundMotion, curves: Curves) -> None:
+    """Draw the response spectra of a component, and its Fourier spectrum with the corners of filters."""
     after, before = curves
-    assert before is not None
-    start = _seconds(recorded, "pad_before_s")
-    for ax, quantity in zip(panels, QUANTITIES, strict=True):
-        values = getattr(before, quantity)
-        ax.plot(before.time - start, values, color=GREY, lw=0.7, label=label, zorder=1)
-        _keep_in_view(ax, getattr(after, quantity), values)
+    if before is not None:
+        label = _words(motion)[1]
+        response.loglog(PERIODS, before.psa[0.05], color=GREY, lw=0.9, label=f"5 %, {label}")
+        fourier.loglog(before.freq, before.amplitude, color=GREY, lw=0.9, label=label)
+    if target := target_of(motion):
+        label = f"target, {100 * target['damping']:g} %"
+        response.loglog(
+            target["periods_s"], target["sa_m_s2"], color="black", lw=1.2, ls="--", label=label, zorder=3
+        )
+    for k, (damping, psa) in enumerate(after.psa.items()):
+        response.loglog(PERIODS, psa, color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
+    response.set_xlabel("period [s]")
+    response.set_ylabel("PSa [m/s²]")
+    response.set_xlim(PERIODS[0], PERIODS[-1])
+    response.legend(loc="lower left")
+
+    fourier.loglog(after.freq, after.amplitude, color=COLOURS[0], lw=0.9)
+    steps = motion.provenance.get("correction", [])
+    filters = [step for step in steps if step.get("step") == "butterworth"] if isinstance(steps, list) else []
+    for corner in [each[key] for each in filters for key in ("highpass_hz", "lowpass_hz") if each.get(key)]:
+        fourier.axvline(corner, color=COLOURS[1], lw=0.8, ls="--")
+        fourier.text(
+            corner, 0.98, f" {corner:.2g} Hz", transform=fourier.get_xaxis_transform(), va="top", fontsize=7
+        )
+    fourier.set_xlabel("frequency [Hz]")
+    fourier.set_ylabel("Fourier amplitude [m/s]")
+    fourier.set_ylim(bottom=1e-6 * fourier.get_ylim()[1])
 
 
 def _words(motion: GroundMotion) -> tuple[str, str]:
@@ -102,78 +150,3 @@ def _words(motion: GroundMotion) -> tuple[str, str]:
 def _seconds(motion: GroundMotion, name: str) -> float:
     value = motion.provenance.get(name, 0.0)
     return float(value) if isinstance(value, int | float) else 0.0
-
-
-def _zoom_on_record(panels: Array, motion: GroundMotion) -> None:
-    """Show the record and a part of its pads, which say how long they go on."""
-    before, after = _seconds(motion, "pad_before_s"), _seconds(motion, "pad_after_s")
-    length = motion.duration - before - after
-    margin = 0.12 * length
-    for ax in panels:
-        ax.set_xlim(-min(before, margin) - 0.01 * length, length + min(after, margin) + 0.01 * length)
-    if before + after > 0.0:
-        text = f"pads of {before:.3g} s and {after:.3g} s at the ends"
-        panels[2].text(0.99, 0.03, text, transform=panels[2].transAxes, ha="right", va="bottom", fontsize=7)
-
-
-def _keep_in_view(ax: Axes, after: Array, before: Array) -> None:
-    """A drift of metres must not flatten the corrected history: it may leave the panel."""
-    limit = 1.25 * float(np.max(np.abs(after)))
-    if limit > 0.0 and np.max(np.abs(before)) > 3.0 * limit:
-        ax.set_ylim(-limit, limit)
-        ax.text(
-            0.01, 0.03, f"uncorrected reaches {np.max(np.abs(before)):.3g}", transform=ax.transAxes,
-            va="bottom", fontsize=7, color="#666666",
-        )  # fmt: skip
-
-
-def _response(ax: Axes, curves: Curves, motion: GroundMotion) -> None:
-    after, before = curves
-    if before is not None:
-        ax.loglog(PERIODS, before.psa[0.05], color=GREY, lw=0.9, label=f"5 %, {_words(motion)[1]}")
-    if target := target_of(motion):
-        label = f"target, {100 * target['damping']:g} %"
-        ax.loglog(
-            target["periods_s"], target["sa_m_s2"], color="black", lw=1.2, ls="--", label=label, zorder=3
-        )
-    for k, (damping, psa) in enumerate(after.psa.items()):
-        ax.loglog(PERIODS, psa, color=COLOURS[k], lw=1.0, label=f"{100 * damping:g} %")
-    ax.set_xlabel("period [s]")
-    ax.set_ylabel("PSa [m/s²]")
-    ax.set_xlim(PERIODS[0], PERIODS[-1])
-    ax.legend(loc="lower left")
-
-
-def _fourier(ax: Axes, motion: GroundMotion, curves: Curves) -> None:
-    after, before = curves
-    if before is not None:
-        ax.loglog(before.freq, before.amplitude, color=GREY, lw=0.9, label=_words(motion)[1])
-    ax.loglog(after.freq, after.amplitude, color=COLOURS[0], lw=0.9)
-    for corner in _corners(motion):
-        ax.axvline(corner, color=COLOURS[1], lw=0.8, ls="--")
-        ax.text(corner, 0.98, f" {corner:.2g} Hz", transform=ax.get_xaxis_transform(), va="top", fontsize=7)
-    ax.set_xlabel("frequency [Hz]")
-    ax.set_ylabel("Fourier amplitude [m/s]")
-    ax.set_ylim(bottom=1e-6 * ax.get_ylim()[1])
-
-
-def _corners(motion: GroundMotion) -> list[float]:
-    steps = motion.provenance.get("correction", [])
-    filters = [s for s in steps if s.get("step") == "butterworth"] if isinstance(steps, list) else []
-    return [s[key] for s in filters for key in ("highpass_hz", "lowpass_hz") if s.get(key)]
-
-
-def _share_limits(panels: Array) -> None:
-    """One scale for the components of a row, so that they can be compared by eye."""
-    for row in panels:
-        low, high = min(ax.get_ylim()[0] for ax in row), max(ax.get_ylim()[1] for ax in row)
-        for ax in row:
-            ax.set_ylim(low, high)
-
-
-def _title(motion: GroundMotion) -> str:
-    channels = motion.provenance.get("channels", [])
-    first = channels[0] if isinstance(channels, list) and channels else {}
-    about = [str(first.get(key, "")) for key in ("event", "station_name", "station")]
-    words = ", ".join(dict.fromkeys(word for word in about if word))
-    return f"{motion.name}: {words}" if words else motion.name

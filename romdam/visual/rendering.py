@@ -101,7 +101,8 @@ class Picture:
         eye = middle + far * direction / np.linalg.norm(direction)
         self.plotter.camera_position = [tuple(eye), tuple(middle), (0.0, 0.0, 1.0)]
         self.plotter.camera.parallel_projection = True
-        self.plotter.camera.parallel_scale = _half_height(low, high, direction, size)
+        tall, wide = _half_sizes(low, high, direction)
+        self.plotter.camera.parallel_scale = float(1.06 * max(tall, wide * size[1] / size[0]))
         self.plotter.camera.clipping_range = (0.01 * far, 3.0 * far)
 
     def add(self, mesh: pyvista.DataSet, **look: Any) -> None:
@@ -122,12 +123,6 @@ class Picture:
             pixels = np.asarray(self.plotter.screenshot(None, return_img=True))[:, :, :3]
         self.plotter.close()
         return pixels
-
-
-def _half_height(low: Floats, high: Floats, direction: Floats, size: tuple[int, int]) -> float:
-    """Half the height of a parallel view that shows a box wholly, with a small margin."""
-    tall, wide = _half_sizes(low, high, direction)
-    return float(1.06 * max(tall, wide * size[1] / size[0]))
 
 
 def fitting_size(bounds: Bounds, direction: Floats, pixels: int) -> tuple[int, int]:

@@ -41,23 +41,38 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
     ResultError
         where 3-D pictures cannot be drawn, or the file not be written.
     """
-    colours = _colours(scene)
-    before, behind = _directions(scene)
-    dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
-    upstream = scene.reservoir.upstream if scene.reservoir else None
-    names = side_name(before, upstream), side_name(behind, upstream)
+    rock, upstream = rock_blocks(scene), scene.reservoir.upstream if scene.reservoir else None
+    dam = [name for name in scene.blocks if name not in rock]
+    colours = {name: BLOCKS[k % len(BLOCKS)] for k, name in enumerate(dam)}
+    colours |= {name: ROCK[k % len(ROCK)] for k, name in enumerate(rock)}
+    before, behind = _DIRECTIONS
+    if upstream is not None:  # from upstream and from downstream, a little from the side and from above
+        aside, up = np.cross([0.0, 0.0, 1.0], upstream), np.array([0.0, 0.0, 0.6])
+        before, behind = upstream + 0.5 * aside + up, -upstream + 0.5 * aside + up
+    second = side_name(behind, upstream) + ("" if len(dam) == len(scene.blocks) else ", the dam alone")
     images = {
-        names[0]: _view(scene, colours, list(scene.blocks), before),
-        names[1] + ("" if len(dam) == len(scene.blocks) else ", the dam alone"): _view(
-            scene, colours, dam, behind
-        ),
+        side_name(before, upstream): _view(scene, colours, list(scene.blocks), before),
+        second: _view(scene, colours, dam, behind),
     }
+
+    labels = []
+    for name, block in scene.blocks.items():
+        material = block.material
+        density = f"{material.rho:.0f} kg/m³" if material.rho > 0.0 else "massless"
+        text = f"{name}: {block.element}, {material.E / 1e9:.3g} GPa, {density}"
+        labels.append((text, colours[name]))
+    if len(labels) > _LEGEND:
+        labels = [*labels[: _LEGEND - 1], (f"and {len(labels) - _LEGEND + 1} more blocks", "white")]
+    lines = []
+    if scene.joints:
+        gaps = sum(len(joint.gap) for joint in scene.joints.values())
+        lines.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
+    if scene.reservoir is not None:
+        lines.append((f"water to {scene.reservoir.level:g} m", WATER))
     with mpl.rc_context(STYLE):
         figure, _ = image_panels(images, title)
-        handles: list[Artist] = [
-            Patch(facecolor=colour, edgecolor=EDGES, label=text) for text, colour in _legend(scene, colours)
-        ]
-        handles += [Line2D([], [], color=c, lw=3, label=text) for text, c in _marks(scene)]
+        handles: list[Artist] = [Patch(facecolor=c, edgecolor=EDGES, label=text) for text, c in labels]
+        handles += [Line2D([], [], color=c, lw=3, label=text) for text, c in lines]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(3, len(handles)))
     return save_figure(figure, path)
 
@@ -72,36 +87,19 @@ def _view(scene: Scene, colours: dict[str, str], names: list[str], direction: Fl
         picture.add(
             shell, color=colours[name], opacity=opacity, show_edges=True, edge_color=EDGES, line_width=0.5
         )
-    _add_joints(picture, scene)
-    _add_water(picture, scene)
-    return picture.image()
-
-
-def _directions(scene: Scene) -> tuple[Floats, Floats]:
-    """From where to look: from upstream and from downstream, a little from the side and from above."""
-    if scene.reservoir is None:
-        return _DIRECTIONS
-    along = scene.reservoir.upstream
-    aside = np.cross([0.0, 0.0, 1.0], along)
-    up = np.array([0.0, 0.0, 0.6])
-    return along + 0.5 * aside + up, -along + 0.5 * aside + up
-
-
-def _colours(scene: Scene) -> dict[str, str]:
-    rock = rock_blocks(scene)
-    dam = [name for name in scene.blocks if name not in rock]
-    return {name: BLOCKS[k % len(BLOCKS)] for k, name in enumerate(dam)} | {
-        name: ROCK[k % len(ROCK)] for k, name in enumerate(rock)
-    }
-
-
-def _add_joints(picture: Picture, scene: Scene) -> None:
-    """The outline of every joint's face."""
-    for joint in scene.joints.values():
+    for joint in scene.joints.values():  # the outline of its face
         face = _facets_of(scene.blocks[joint.blocks[0]], joint.nodes[0])
         if face is not None:
             rim = face.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
             picture.add(rim, color=JOINT, line_width=8)
+    water = scene.reservoir
+    for water_face in water.faces if water else ():  # the water line on it
+        wet = _facets_of(scene.blocks[water_face.block], np.unique(water_face.facets))
+        low = 1e-6 * water.depth if water else 0.0
+        line = wet.slice(normal="z", origin=(0.0, 0.0, water.level - low)) if wet and water else None
+        if line is not None and line.n_points:
+            picture.add(line, color=WATER, line_width=10)
+    return picture.image()
 
 
 def _facets_of(block: Block, nodes: NDArray[np.int64]) -> pyvista.PolyData | None:
@@ -109,38 +107,3 @@ def _facets_of(block: Block, nodes: NDArray[np.int64]) -> pyvista.PolyData | Non
     whole = surface(grid(block.element, block.points, block.cells, straight=True))
     piece = whole.extract_points(np.isin(whole["vtkOriginalPointIds"], nodes), adjacent_cells=False)
     return piece.extract_surface(algorithm=None) if piece.n_cells else None
-
-
-def _add_water(picture: Picture, scene: Scene) -> None:
-    """The water line on the wet faces."""
-    water = scene.reservoir
-    for face in water.faces if water else ():
-        wet = _facets_of(scene.blocks[face.block], np.unique(face.facets))
-        low = 1e-6 * water.depth if water else 0.0
-        line = wet.slice(normal="z", origin=(0.0, 0.0, water.level - low)) if wet and water else None
-        if line is not None and line.n_points:
-            picture.add(line, color=WATER, line_width=10)
-
-
-def _legend(scene: Scene, colours: dict[str, str]) -> list[tuple[str, str]]:
-    entries = [(f"{name}: {_material(block)}", colours[name]) for name, block in scene.blocks.items()]
-    if len(entries) > _LEGEND:
-        entries = [*entries[: _LEGEND - 1], (f"and {len(entries) - _LEGEND + 1} more blocks", "white")]
-    return entries
-
-
-def _marks(scene: Scene) -> list[tuple[str, str]]:
-    """Text and colour of what is drawn as lines."""
-    marks = []
-    if scene.joints:
-        gaps = sum(len(joint.gap) for joint in scene.joints.values())
-        marks.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
-    if scene.reservoir is not None:
-        marks.append((f"water to {scene.reservoir.level:g} m", WATER))
-    return marks
-
-
-def _material(block: Block) -> str:
-    material = block.material
-    density = f"{material.rho:.0f} kg/m³" if material.rho > 0.0 else "massless"
-    return f"{block.element}, {material.E / 1e9:.3g} GPa, {density}"

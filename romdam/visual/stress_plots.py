@@ -75,8 +75,20 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
     faces = "face_overstressed_share" in dataset
     figure = Figure(figsize=(9.2 if faces else 5.2, 4.0), layout="constrained")
     axes = list(figure.subplots(1, 1 + faces, squeeze=False)[0])
-    lines = _face_curves(dataset, "face_inelastic_duration") if faces else _node_curve(dataset)
-    _curves(axes[0], dataset, {**lines, **_probe_curves(dataset)})
+    if faces:
+        lines = _face_curves(dataset, "face_inelastic_duration")
+    else:  # the longest duration at any node outside the ring
+        duration = dataset.cumulative_inelastic_duration.values
+        counted = (
+            dataset.stress_ring.values == 0 if "stress_ring" in dataset else np.ones(len(duration), bool)
+        )
+        lines = {("any node", "total"): duration[counted].max(axis=0, initial=0.0)}
+    of_probes = {}
+    for name in dataset.stress_probe.values if "stress_probe" in dataset else ():
+        major = dataset.principal_stress.sel(stress_probe=name).values[:, :1]
+        levels, dt = dataset.dcr_level.values * float(dataset.tensile_strength), float(dataset.time[1])
+        of_probes[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
+    _curves(axes[0], dataset, {**lines, **of_probes})
     largest = max(limits.duration for limits in LIMITS.values())
     axes[0].set_yscale("symlog", linthresh=largest, linscale=1.5)
     axes[0].set_ylim(-0.02 * largest, max(1.5 * largest, 1.3 * axes[0].get_ylim()[1]))
@@ -89,7 +101,10 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
         most = float(np.nanmax(dataset.face_overstressed_share.values, initial=0.0))
         axes[1].set_ylim(-0.5, max(1.5 * max(x.area for x in LIMITS.values()), 1.1 * most))
         axes[1].set_ylabel("overstressed part of the face [%]")
-    _limits(axes)
+    ratio = np.array([1.0, LARGEST_RATIO])
+    for (kind, limits), style in zip(LIMITS.items(), ("-", ":"), strict=True):
+        for ax, values in zip(axes, (limits.duration_at(ratio), np.full(2, limits.area)), strict=False):
+            ax.plot(ratio, values, color="black", lw=1.8, ls=style, label=f"limit, {kind}s")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3 if faces else 2)
     figure.suptitle(
         f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa\n"
@@ -105,23 +120,6 @@ def _face_curves(dataset: xr.Dataset, variable: str) -> dict[tuple[str, str], Fl
     return {(f, b): dataset[variable].sel(stress_face=f, stress_basis=b).values for f, b in pairs}
 
 
-def _node_curve(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
-    """The longest duration at any node outside the ring, where there are no faces."""
-    duration = dataset.cumulative_inelastic_duration.values
-    counted = dataset.stress_ring.values == 0 if "stress_ring" in dataset else np.ones(len(duration), bool)
-    return {("any node", "total"): duration[counted].max(axis=0, initial=0.0)}
-
-
-def _probe_curves(dataset: xr.Dataset) -> dict[tuple[str, str], Floats]:
-    """Durations at the named nodes, from their histories."""
-    curves = {}
-    for name in dataset.stress_probe.values if "stress_probe" in dataset else ():
-        major = dataset.principal_stress.sel(stress_probe=name).values[:, :1]
-        levels, dt = dataset.dcr_level.values * float(dataset.tensile_strength), float(dataset.time[1])
-        curves[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
-    return curves
-
-
 def _curves(ax: Axes, dataset: xr.Dataset, lines: dict[tuple[str, str], Floats]) -> None:
     """One colour for each name, dashed for the change."""
     names = list(dict.fromkeys(name for name, _ in lines))
@@ -131,10 +129,3 @@ def _curves(ax: Axes, dataset: xr.Dataset, lines: dict[tuple[str, str], Floats])
         ax.plot(dataset.dcr_level, values, style, color=colour, lw=1.3, label=label)
     ax.set_xlabel("demand-capacity ratio")
     ax.set_xlim(1.0, LARGEST_RATIO)
-
-
-def _limits(axes: list[Axes]) -> None:
-    ratio = np.array([1.0, LARGEST_RATIO])
-    for (kind, limits), style in zip(LIMITS.items(), ("-", ":"), strict=True):
-        for ax, values in zip(axes, (limits.duration_at(ratio), np.full(2, limits.area)), strict=False):
-            ax.plot(ratio, values, color="black", lw=1.8, ls=style, label=f"limit, {kind}s")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 import xarray as xr
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -19,8 +18,38 @@ def study_figure(dataset: xr.Dataset) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(7.2, 6.0), layout="constrained")
         ax = figure.subplots()
-        _lines(ax, dataset)
-        _front(ax, dataset)
+        # for each integrator (dash and marker) and basis (colour) a line through its steps
+        added = (f", {c} residual vectors" if c else "" for c in dataset.residual_vectors.values)
+        bases = np.array([f"{modes}{more}" for modes, more in zip(dataset.modes.values, added, strict=True)])
+        for k, integrator in enumerate(dict.fromkeys(dataset.integrator.values)):
+            for b, base in enumerate(dict.fromkeys(bases)):
+                rows = np.flatnonzero((bases == base) & (dataset.integrator.values == integrator))
+                ax.plot(
+                    dataset.cpu_seconds.values[rows],
+                    100.0 * dataset.l2_error.values[rows],
+                    color=COLOURS[b % len(COLOURS)],
+                    ls=("-", "--", ":", "-.")[k % 4],
+                    marker=_MARKERS[k % len(_MARKERS)],
+                    ms=4,
+                    lw=0.9,
+                    label=f"{integrator}: {base}",
+                )
+
+        # the Pareto front as a band, with the finest step at its points where there is room
+        rows = np.flatnonzero(dataset.on_front.values)
+        rows = rows[np.argsort(dataset.cpu_seconds.values[rows])]
+        cpu, error = dataset.cpu_seconds.values[rows], 100.0 * dataset.l2_error.values[rows]
+        ax.plot(
+            cpu, error, color=GREY, lw=6, alpha=0.4, zorder=0, solid_capstyle="round", label="Pareto front"
+        )
+        last = np.inf
+        for x, y, step in zip(cpu, error, dataset.finest_step.values[rows], strict=True):
+            if y < 0.8 * last:
+                text, last = f"{1e3 * step:.4g} ms", y
+                ax.annotate(
+                    text, (x, y), xytext=(-7, -3), textcoords="offset points", ha="right", fontsize=7.5
+                )
+
         ax.set_xlabel("CPU time of the time loop [s]")
         ax.set_ylabel("L2 error of all openings [%]")
         for axis, name in ((ax.xaxis, "x"), (ax.yaxis, "y")):
@@ -32,35 +61,3 @@ def study_figure(dataset: xr.Dataset) -> Figure:
         ax.set_title(f"{dataset.attrs['title']}\n{dataset.attrs['compared']}", loc="left")
         figure.legend(loc="outside lower center", ncols=2)
         return figure
-
-
-def _lines(ax: Axes, dataset: xr.Dataset) -> None:
-    """One line for each integrator (dash and marker) and basis (colour), through its steps."""
-    added = (f", {c} residual vectors" if c else "" for c in dataset.residual_vectors.values)
-    bases = np.array([f"{modes}{more}" for modes, more in zip(dataset.modes.values, added, strict=True)])
-    for k, integrator in enumerate(dict.fromkeys(dataset.integrator.values)):
-        for b, base in enumerate(dict.fromkeys(bases)):
-            rows = np.flatnonzero((bases == base) & (dataset.integrator.values == integrator))
-            ax.plot(
-                dataset.cpu_seconds.values[rows],
-                100.0 * dataset.l2_error.values[rows],
-                color=COLOURS[b % len(COLOURS)],
-                ls=("-", "--", ":", "-.")[k % 4],
-                marker=_MARKERS[k % len(_MARKERS)],
-                ms=4,
-                lw=0.9,
-                label=f"{integrator}: {base}",
-            )
-
-
-def _front(ax: Axes, dataset: xr.Dataset) -> None:
-    """The Pareto front as a band, with the finest step at its points where there is room."""
-    rows = np.flatnonzero(dataset.on_front.values)
-    rows = rows[np.argsort(dataset.cpu_seconds.values[rows])]
-    cpu, error = dataset.cpu_seconds.values[rows], 100.0 * dataset.l2_error.values[rows]
-    ax.plot(cpu, error, color=GREY, lw=6, alpha=0.4, zorder=0, solid_capstyle="round", label="Pareto front")
-    last = np.inf
-    for x, y, step in zip(cpu, error, dataset.finest_step.values[rows], strict=True):
-        if y < 0.8 * last:
-            text, last = f"{1e3 * step:.4g} ms", y
-            ax.annotate(text, (x, y), xytext=(-7, -3), textcoords="offset points", ha="right", fontsize=7.5)

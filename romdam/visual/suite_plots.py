@@ -225,8 +225,28 @@ def height_figure(envelopes: xr.Dataset) -> Figure:
     figure = Figure(figsize=(WIDTH, 3.4 * rows if rows < 3 else 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     factor, unit = display_unit(envelopes.opening, "m")
+    scales = envelopes.scale.values
+    colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(scales)))
+    scale_unit = unit_text(str(envelopes.scale.attrs.get("units", "1"))) or "times"
     for ax, name in zip(axes, names, strict=False):
-        _heights(ax, envelopes, name, factor)
+        # lines of a joint: at each height the largest of the gaps there
+        chosen = envelopes.gap_joint.values == name
+        z = envelopes.gap_position.values[chosen, 2]
+        levels = np.unique(np.round(z, 3))
+        if len(levels) > 40:  # an irregular mesh has nearly as many heights as gaps
+            edges = np.linspace(z.min(), z.max(), 31)
+            where, levels = np.clip(np.digitize(z, edges) - 1, 0, 29), 0.5 * (edges[1:] + edges[:-1])
+        else:
+            where = np.searchsorted(levels, np.round(z, 3))
+        held = np.unique(where)
+        opening = factor * envelopes.opening.values[:, :, chosen]
+        curves = np.stack([opening[..., where == i].max(axis=-1) for i in held], axis=-1)
+        for k, scale in enumerate(scales if len(scales) <= 8 else []):
+            label = f"median, {scale:.3g} {scale_unit}" if len(scales) > 1 else "median"
+            ax.plot(curves[0, k], levels[held], color=colours[k], lw=1.1, label=label)
+        if len(scales) == 1:
+            ax.plot(curves[1, 0], levels[held], color=COLOURS[1], lw=1.1, label="84 %")
+        ax.plot(curves[-1].max(axis=0), levels[held], color="black", lw=1.2, ls="--", label="largest")
         if len(names) > 1:
             ax.set_title(name)
     for ax in axes[len(names) :]:
@@ -235,30 +255,6 @@ def height_figure(envelopes: xr.Dataset) -> Figure:
     figure.supylabel("z [m]", fontsize=9)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
-
-
-def _heights(ax: Axes, envelopes: xr.Dataset, name: str, factor: float) -> None:
-    """Lines of one joint: at each height the largest of the gaps there."""
-    chosen = envelopes.gap_joint.values == name
-    z = envelopes.gap_position.values[chosen, 2]
-    levels = np.unique(np.round(z, 3))
-    if len(levels) > 40:  # an irregular mesh has nearly as many heights as gaps
-        edges = np.linspace(z.min(), z.max(), 31)
-        where, levels = np.clip(np.digitize(z, edges) - 1, 0, 29), 0.5 * (edges[1:] + edges[:-1])
-    else:
-        where = np.searchsorted(levels, np.round(z, 3))
-    held = np.unique(where)
-    opening = factor * envelopes.opening.values[:, :, chosen]
-    rows = np.stack([opening[..., where == i].max(axis=-1) for i in held], axis=-1)
-    scales = envelopes.scale.values
-    colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(scales)))
-    unit = unit_text(str(envelopes.scale.attrs.get("units", "1"))) or "times"
-    for k, scale in enumerate(scales if len(scales) <= 8 else []):
-        label = f"median, {scale:.3g} {unit}" if len(scales) > 1 else "median"
-        ax.plot(rows[0, k], levels[held], color=colours[k], lw=1.1, label=label)
-    if len(scales) == 1:
-        ax.plot(rows[1, 0], levels[held], color=COLOURS[1], lw=1.1, label="84 %")
-    ax.plot(rows[-1].max(axis=0), levels[held], color="black", lw=1.2, ls="--", label="largest")
 
 
 def gap_sketch(summary: xr.Dataset) -> Figure | None:

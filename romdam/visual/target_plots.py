@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib as mpl
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, NullFormatter
 
@@ -44,17 +43,11 @@ def plot_target(curves: TargetCurves) -> Figure:
         below.set_xlabel("period [s]")
         below.set_xlim(curves.periods[0], curves.periods[-1])
         below.set_ylim(min(0.7, 0.95 * share.min()), max(1.3, 1.05 * share.max()))
-        _plain_periods(below, curves)
+        first, last = 0.999 * curves.periods[0], 1.001 * curves.periods[-1]
+        ticks = [t for d in (0.01, 0.1, 1.0, 10.0) for t in (d, 2 * d, 5 * d) if first <= t <= last]
+        below.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        below.xaxis.set_minor_formatter(NullFormatter())
     return figure
-
-
-def _plain_periods(ax: Axes, curves: TargetCurves) -> None:
-    first, last = curves.periods[0], curves.periods[-1]
-    ticks = [
-        t for d in (0.01, 0.1, 1.0, 10.0) for t in (d, 2 * d, 5 * d) if first * 0.999 <= t <= last * 1.001
-    ]
-    ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def write_target_plots(motions: Sequence[GroundMotion], folder: Path) -> list[Path]:

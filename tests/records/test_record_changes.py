@@ -236,12 +236,12 @@ def test_info_the_card_and_the_page_have_the_warnings_of_records():
     import xarray as xr
 
     from romdam.postprocess.record_measures import stated_warnings
-    from romdam.visual.report.sections import _warnings
+    from romdam.visual.report.sections import warnings_section
 
     attrs = {"record_warnings": json.dumps(["looks clipped"]), "run_warnings": json.dumps(["a step"])}
     assert stated_warnings(attrs) == ["a step", "looks clipped"] and stated_warnings({}) == []
     said = {"a": ["drifts", "looks clipped"], "b": ["drifts"]}
     summary = xr.Dataset(attrs={"record_warnings": json.dumps(said)})
-    section = _warnings(SimpleNamespace(summary=summary))
+    section = warnings_section(SimpleNamespace(summary=summary))
     assert section.parts[0].rows == [["a, b", "drifts"], ["a", "looks clipped"]]
-    assert _warnings(SimpleNamespace(summary=xr.Dataset())) is None
+    assert warnings_section(SimpleNamespace(summary=xr.Dataset())) is None

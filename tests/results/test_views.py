@@ -191,7 +191,7 @@ def test_views_are_named_and_colours_end_where_values_do(result):
     values = xr.DataArray(np.linspace(-1.0, 4.0, 1001))
     norm, beyond = field_views._norm(values, field)
     assert (norm.vmin, norm.vmax, beyond) == (pytest.approx(-0.95), pytest.approx(3.95), "both")
-    whole, cut = mpl.colormaps["RdBu_r"], field_views._colours(field, Normalize(-1.0, 4.0))
+    whole, cut = mpl.colormaps["RdBu_r"], field.colormap(Normalize(-1.0, 4.0))
     np.testing.assert_allclose(cut(1.0), whole(1.0))
     np.testing.assert_allclose(cut(0.2), whole(0.5), atol=0.02)
     np.testing.assert_allclose(cut(0.0), whole(0.375), atol=0.02)

@@ -177,13 +177,11 @@ class Section:
     @property
     def shown(self) -> list[Part]:
         """The parts that hold anything."""
-        return [block for block in self.parts if _holds(block)]
-
-
-def _holds(block: Part) -> bool:
-    if isinstance(block, Table):
-        return bool(block.rows)
-    return bool(block.all) if isinstance(block, Pictures) else True
+        empty = [
+            (isinstance(block, Table) and not block.rows) or (isinstance(block, Pictures) and not block.all)
+            for block in self.parts
+        ]
+        return [block for block, is_empty in zip(self.parts, empty, strict=True) if not is_empty]
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -205,18 +203,14 @@ def picture(figure: Figure | bytes, caption: str, alt: str = "") -> Picture:
         source = f"data:image/png;base64,{base64.b64encode(figure).decode()}"
         return Picture(source, 0, 0, caption, alt or caption)
     wide, high = (round(_PIXELS * inches) for inches in figure.get_size_inches())
-    return Picture(_drawn(figure), wide, high, caption, alt or caption)
-
-
-def _drawn(figure: Figure) -> str:
     with mpl.rc_context({**STYLE, "svg.hashsalt": "romdam"}):
-        file = io.BytesIO()
+        file, kind = io.BytesIO(), "svg+xml"
         figure.savefig(file, format="svg", metadata={"Date": None})
-        kind = "svg+xml"
         if file.tell() > LARGEST_SVG:
             file, kind = io.BytesIO(), "png"
             figure.savefig(file, format="png", dpi=_DPI)
-    return f"data:image/{kind};base64,{base64.b64encode(file.getvalue()).decode()}"
+    source = f"data:image/{kind};base64,{base64.b64encode(file.getvalue()).decode()}"
+    return Picture(source, wide, high, caption, alt or caption)
 
 
 def side_by_side(*pictures: Picture | None) -> Pictures:

@@ -76,17 +76,14 @@ def worst_section(subject: Subject) -> Section | None:
     drawing = picture(plots.worst_figure(worst, [label(subject.summary, at) for at in places]), caption)
     head, rows = _table(_columns(subject), places)
     table = Table(head, rows, label="Worst runs")
-    return Section("worst", "Worst runs", [side_by_side(drawing), table, Text(_beyond(subject, worst))])
-
-
-def _beyond(subject: Subject, worst: xr.Dataset) -> str:
-    """Sentence on records that were not run, from the largest response."""
+    # what the largest response says of records that were not run
     factor, unit = plots.display_unit(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
-    return (
+    beyond = (
         f"None of {count} records exceeds {largest} {unit}; of others like them at most "
         f"1 - 0.05^(1/{count}) = {number(100 * none_exceeds(count))} % would, with 95 % confidence."
     )
+    return Section("worst", "Worst runs", [side_by_side(drawing), table, Text(beyond)])
 
 
 def label(summary: xr.Dataset, at: RunIndex) -> str:
@@ -136,8 +133,12 @@ def _columns(subject: Subject) -> list[_Column]:
         if name in summary:
             columns.append(_numbers(text, summary[name]))
     if (summary.status > 0).any():
-        columns.append(_fate(summary))
-    return [*columns, _files(subject)] if subject.files else columns
+        status, message = summary.status.transpose(*RUNS).values, summary.message.transpose(*RUNS).values
+        columns.append(_Column("outcome", lambda at: f"failed: {message[at]}" if status[at] else "done"))
+    if subject.files:
+        links = subject.files
+        columns.append(_Column("files", lambda at: Cell("–", "files", links=tuple(links.get(at, ())))))
+    return columns
 
 
 def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
@@ -150,14 +151,3 @@ def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
         return cell_of(float(numbers[tuple(at[k] for k in dims)]))
 
     return _Column(f"{title} [{unit}]" if unit else title, cell, name)
-
-
-def _fate(summary: xr.Dataset) -> _Column:
-    """Fate of a run: done, or why not."""
-    status, message = summary.status.transpose(*RUNS).values, summary.message.transpose(*RUNS).values
-    return _Column("outcome", lambda at: f"failed: {message[at]}" if status[at] else "done")
-
-
-def _files(subject: Subject) -> _Column:
-    """Links to a run's own files."""
-    return _Column("files", lambda at: Cell("–", "files", links=tuple(subject.files.get(at, ()))))

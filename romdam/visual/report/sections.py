@@ -8,7 +8,6 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-import xarray as xr
 
 import romdam
 from romdam.core.files import replacing
@@ -55,7 +54,24 @@ def report_html(subject: Subject) -> str:
     intensity_of(subject.summary, subject.topic.intensity)
     with mpl.rc_context(STYLE):
         sections = [section for make in SECTIONS if (section := make(subject)) is not None]
-    return page(str(subject.summary.attrs.get("title", "Suite")), _about(subject), sections, _facts(subject))
+
+    summary, failed = subject.summary, int((subject.summary.status > 0).sum())
+    size = " × ".join(
+        f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}"
+        for dim in RUNS
+        if dim == "record" or summary.sizes[dim] > 1
+    )
+    created = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
+    facts = [Fact("runs", f"{summary.status.size}"), Fact("of them failed", f"{failed}", failed > 0)]
+    if subject.done and subject.response:
+        values = response_of(summary, subject.response)
+        factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
+        largest = f"{number(factor * float(values.max()))} {unit}"
+        facts.append(Fact(f"largest {plain(subject.response)}", largest))
+    cpu = values_of(subject, "cpu_seconds")
+    facts.append(Fact("CPU of all runs", f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–"))
+    title = str(summary.attrs.get("title", "Suite"))
+    return page(title, f"{size}; summary of {created}", sections, facts)
 
 
 def write_report(subject: Subject, folder: Path) -> Path:
@@ -72,31 +88,8 @@ def write_report(subject: Subject, folder: Path) -> Path:
     return folder / REPORT
 
 
-def _about(subject: Subject) -> str:
-    summary = subject.summary
-    size = " × ".join(
-        f"{summary.sizes[dim]} {dim}{'s' * (summary.sizes[dim] > 1)}"
-        for dim in RUNS
-        if dim == "record" or summary.sizes[dim] > 1
-    )
-    created = str(summary.attrs.get("date_created", "")).replace("T", " ").replace("+00:00", " UTC")
-    return f"{size}; summary of {created}"
-
-
-def _facts(subject: Subject) -> list[Fact]:
-    summary, failed = subject.summary, int((subject.summary.status > 0).sum())
-    cpu = values_of(subject, "cpu_seconds")
-    facts = [Fact("runs", f"{summary.status.size}"), Fact("of them failed", f"{failed}", failed > 0)]
-    if subject.done and subject.response:
-        values = response_of(summary, subject.response)
-        factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
-        largest = f"{number(factor * float(values.max()))} {unit}"
-        facts.append(Fact(f"largest {plain(subject.response)}", largest))
-    seconds = f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–"
-    return [*facts, Fact("CPU of all runs", seconds)]
-
-
-def _scene(subject: Subject) -> Section | None:
+def scene_section(subject: Subject) -> Section | None:
+    """Picture of the scene; of the gaps where there is no mesh to draw."""
     sketch = subject.picture or plots.gap_sketch(subject.summary)
     if sketch is None:
         return None
@@ -104,7 +97,7 @@ def _scene(subject: Subject) -> Section | None:
     return Section("scene", "Scene", [side_by_side(picture(sketch, caption))])
 
 
-def _what(subject: Subject) -> Section:
+def what_was_run_section(subject: Subject) -> Section:
     """Size of the suite, what it varies, and with what model."""
     summary, config = subject.summary, subject.configuration
     model, transient = config.get("model", {}), config.get("transient", {})
@@ -124,7 +117,11 @@ def _what(subject: Subject) -> Section:
     ]
     if scale == "1" and summary.sizes["sample"] == 1:  # as the records are, of one dam
         del rows[1:3]
-    varied = [_range(name, values) for name, values in parameters(summary).items()]
+    varied: list[list[Value]] = []
+    for name, values in parameters(summary).items():
+        factor, name_of_unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
+        numbers = (factor * float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
+        varied.append([name, name_of_unit, *numbers, str(values.attrs.get("long_name", ""))])
     joints: list[list[Value]] = []
     for name in summary.joint.values if "joint" in summary.coords else ():
         chosen = summary.gap_joint.values == name
@@ -141,14 +138,7 @@ def _what(subject: Subject) -> Section:
     )
 
 
-def _range(name: str, values: xr.DataArray) -> list[Value]:
-    low, middle, high = (float(np.quantile(values, q, method="nearest")) for q in (0.0, 0.5, 1.0))
-    factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
-    numbers = (factor * value for value in (low, middle, high))
-    return [name, unit, *numbers, str(values.attrs.get("long_name", ""))]
-
-
-def _records(subject: Subject) -> Section:
+def records_section(subject: Subject) -> Section:
     """Spectra and measures of the records; where they are cut, what was analysed beside what was recorded."""
     summary, parts = subject.summary, list[Part]()
     if subject.spectra is not None:
@@ -172,26 +162,24 @@ def _records(subject: Subject) -> Section:
             rows.append([name, unit, *numbers, *whole, int(finite.size), meaning])
     whole_record = ["median of the whole"] if cut else []
     head = ["measure", "unit", "lowest", "median", "highest", *whole_record, "n", "meaning"]
-    said = [Text(_analysed(summary))] if cut else []
-    return Section("records", "Records", [*parts, *said, Table(head, rows, "Measures of the scaled records")])
+    if cut:
+        low, high = (float(q) for q in (summary.recorded_duration.min(), summary.recorded_duration.max()))
+        recorded = (
+            f"{number(high)} s" if number(low) == number(high) else f"{number(low)} to {number(high)} s"
+        )
+        text = f"Analysed: {number(float(summary.record_duration.max()))} s of records of {recorded}"
+        share = 100.0 * summary.record_arias.values / summary.recorded_arias.values
+        share = share[np.isfinite(share)]
+        if share.size:
+            text += (
+                f", with {number(float(np.median(share)))} % of their Arias intensity in the median and "
+                f"{number(float(share.min()))} % at least"
+            )
+        parts.append(Text(f"{text}."))
+    return Section("records", "Records", [*parts, Table(head, rows, "Measures of the scaled records")])
 
 
-def _analysed(summary: xr.Dataset) -> str:
-    """Part of the records that was analysed, in words."""
-    low, high = (float(q) for q in (summary.recorded_duration.min(), summary.recorded_duration.max()))
-    recorded = f"{number(high)} s" if number(low) == number(high) else f"{number(low)} to {number(high)} s"
-    text = f"Analysed: {number(float(summary.record_duration.max()))} s of records of {recorded}"
-    share = 100.0 * summary.record_arias.values / summary.recorded_arias.values
-    share = share[np.isfinite(share)]
-    if not share.size:
-        return f"{text}."
-    return (
-        f"{text}, with {number(float(np.median(share)))} % of their Arias intensity in the median and "
-        f"{number(float(share.min()))} % at least."
-    )
-
-
-def _speed(subject: Subject) -> Section:
+def speed_section(subject: Subject) -> Section:
     """Time that a run takes, and its estimated errors."""
     asked = subject.configuration.get("transient", {}).get("accuracy")
     rows: list[list[Value]] = []
@@ -232,7 +220,8 @@ def _speed(subject: Subject) -> Section:
     return Section("speed", "Speed and error", [Table(head, rows), *map(Text, notes)])
 
 
-def _failures(subject: Subject) -> Section:
+def failures_section(subject: Subject) -> Section:
+    """Runs that failed, by their message."""
     summary = subject.summary
     failed = summary.status.transpose(*RUNS).values > 0
     if not failed.any():
@@ -250,7 +239,8 @@ def _failures(subject: Subject) -> Section:
     return Section("failures", "Failures", [Text(said), Table(["records", "runs", "message"], rows)])
 
 
-def _warnings(subject: Subject) -> Section | None:
+def warnings_section(subject: Subject) -> Section | None:
+    """Warnings of the records, a row for each text."""
     said = json.loads(str(subject.summary.attrs.get("record_warnings", "{}")))
     groups: dict[str, list[str]] = {}
     for name, texts in said.items():
@@ -262,7 +252,8 @@ def _warnings(subject: Subject) -> Section | None:
     return Section("warnings", "Warnings of the records", [Table(["records", "warning"], rows)])
 
 
-def _reproduce(subject: Subject) -> Section:
+def reproduction_section(subject: Subject) -> Section:
+    """What makes the same runs again: digests, versions, commands and the configuration."""
     attrs = subject.summary.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
     rows: list[list[Value]] = [
@@ -281,17 +272,17 @@ def _reproduce(subject: Subject) -> Section:
 
 
 SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
-    _scene,
-    _what,
+    scene_section,
+    what_was_run_section,
     worst_section,
     runs_section,
-    _records,
+    records_section,
     responses_section,
     fragility_section,
     correlation_section,
     sensitivity_section,
-    _speed,
-    _warnings,
-    _failures,
-    _reproduce,
+    speed_section,
+    warnings_section,
+    failures_section,
+    reproduction_section,
 )

@@ -16,7 +16,6 @@ from romdam.visual.report.joint_map import opening_map
 from romdam.visual.report.parts import (
     Part,
     Picture,
-    Pictures,
     Section,
     Table,
     Text,
@@ -45,20 +44,23 @@ def responses_section(subject: Subject) -> Section | None:
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
                 row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
                 numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
-                rows.append([_label(values), where, unit, *numbers, int(finite.size)])
+                # an energy is that at the end, as its long name says
+                ends = str(values.attrs.get("long_name", "")).endswith(AT_THE_END)
+                label = plain(str(values.name)) + (AT_THE_END if ends else "")
+                rows.append([label, where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
-    parts: list[Part] = [_envelopes(subject)] if "gap_peak_opening" in subject.summary else []
+    parts: list[Part] = []
+    if "gap_peak_opening" in subject.summary:
+        envelopes = opening_envelopes(subject.summary)
+        count = int(envelopes["count"].sum())
+        heights = picture(plots.height_figure(envelopes), f"Openings over height; {count} runs.")
+        largest = picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs.")
+        parts.append(side_by_side(heights, largest))
     table = Table(head, rows, "Over all runs")
     sign = Text("Compressions are sizes on this page; in the files compression is negative.", soft=True)
     return Section("responses", "Openings and other responses", [*parts, table, sign])
-
-
-def _label(values: xr.DataArray) -> str:
-    """Name of a response as words; of an energy that it is that at the end, as its long name says."""
-    ends = str(values.attrs.get("long_name", "")).endswith(AT_THE_END)
-    return plain(str(values.name)) + (AT_THE_END if ends else "")
 
 
 def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
@@ -67,15 +69,6 @@ def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
     largest = float(np.abs(numbers).max())
     places = 4 - int(np.floor(np.log10(largest))) if largest > 0.0 else 0
     return [float(value) for value in np.round(numbers, places) + 0.0]
-
-
-def _envelopes(subject: Subject) -> Pictures:
-    envelopes = opening_envelopes(subject.summary)
-    count = int(envelopes["count"].sum())
-    return side_by_side(
-        picture(plots.height_figure(envelopes), f"Openings over height; {count} runs."),
-        picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs."),
-    )
 
 
 def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
@@ -105,7 +98,16 @@ def fragility_section(subject: Subject) -> Section | None:
         pictures.append(picture(plots.fragility_figure(fits), caption))
     notes = [f"Incremental curves: {ida.attrs['statement']}."] if ida.attrs["statement"] else []
     if fits:
-        notes.append(_method(fits[0], bool(subject.topic.thresholds)))
+        counted = {
+            "capacities": "each record counts once, by the intensity at which it first exceeds the threshold",
+            "stripes": "each run counts once, by whether it exceeds the threshold",
+        }[str(fits[0].attrs["method"])]
+        source = " The thresholds are round numbers from the data; --threshold sets others."
+        notes.append(
+            f"Lognormal, by maximum likelihood: {counted} (Baker 2015). Bounds are those of the profile "
+            "likelihood. Runs that failed are left out and count as nothing."
+            + ("" if subject.topic.thresholds else source)
+        )
         if fits[0].attrs["observations"] > fits[0].attrs["records"]:
             notes.append(
                 f"The bounds take {fits[0].attrs['observations']} observations of {fits[0].attrs['records']} "
@@ -118,18 +120,6 @@ def fragility_section(subject: Subject) -> Section | None:
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
     return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
-
-
-def _method(fit: xr.Dataset, asked: bool) -> str:
-    counted = {
-        "capacities": "each record counts once, by the intensity at which it first exceeds the threshold",
-        "stripes": "each run counts once, by whether it exceeds the threshold",
-    }[str(fit.attrs["method"])]
-    chosen = "" if asked else " The thresholds are round numbers from the data; --threshold sets others."
-    return (
-        f"Lognormal, by maximum likelihood: {counted} (Baker 2015). Bounds are those of the profile "
-        f"likelihood. Runs that failed are left out and count as nothing.{chosen}"
-    )
 
 
 def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
@@ -201,22 +191,13 @@ def sensitivity_section(subject: Subject) -> Section | None:
         f"{strength.attrs['bounds']}; "
         f"the regression explains {number(100 * float(strength.r_squared))} % of the ranks' variance."
     )
-    rows: list[list[Value]] = [
-        [
-            str(parameter.parameter.values),
-            *(
-                _bounded(float(parameter[name]), parameter[f"{name}_bounds"].values)
-                for name in ("regression", "spearman")
-            ),
-        ]
-        for parameter in (strength.isel(parameter=k) for k in range(strength.sizes["parameter"]))
-    ]
+    rows: list[list[Value]] = []
+    for k in range(strength.sizes["parameter"]):
+        parameter, cells = strength.isel(parameter=k), []
+        for name in ("regression", "spearman"):
+            value, (low, high) = float(parameter[name]), parameter[f"{name}_bounds"].values
+            cells.append("–" if np.isnan(value) else f"{value:.2f} ({low:.2f} to {high:.2f})")
+        rows.append([str(parameter.parameter.values), *cells])
     drawing = picture(plots.sensitivity_figure(strength), caption)
     head = ["parameter", "standardised regression", "rank correlation"]
     return Section("sensitivity", title, [side_by_side(drawing), Table(head, rows)])
-
-
-def _bounded(value: float, bounds: np.ndarray) -> str:
-    if np.isnan(value):
-        return "–"
-    return f"{value:.2f} ({bounds[0]:.2f} to {bounds[1]:.2f})"

@@ -119,17 +119,33 @@ def moving(result: Result, frames: Frames) -> Moving:
         for a full-order result, and for a window without written times.
     """
     times = frame_times(result, frames)
+    dataset, attrs = result.dataset, result.dataset.attrs
     surfaces, moved, stress = [], [], []
     for name in dam_blocks(result):
         surface, nodes = _surface(result, name)
         surfaces.append(surface)
         moved.append(result.displacement(name, nodes=nodes, times=list(times)).values)
-        stress.append(_major_stress(result, name, nodes, times))
-    whole = np.concatenate(moved, axis=1)
-    attrs, principal = result.dataset.attrs, np.concatenate(stress, axis=1)
+        major = np.full((len(times), len(nodes)), np.nan)
+        if "stress_file" in attrs and name in dataset.stress_block.values:
+            with_stress = dataset.stress_node_number.values[dataset.stress_block.values == name]
+            known = np.intersect1d(nodes, with_stress)
+            tensor = result.stress(name, nodes=known, times=list(times)).values
+            major[:, np.searchsorted(nodes, known)] = principal_stresses(tensor)[..., 0]
+        stress.append(major)
+    whole, principal = np.concatenate(moved, axis=1), np.concatenate(stress, axis=1)
+    size = float(np.linalg.norm(whole, axis=2).max(initial=0.0))
+    fields = [Field("displacement relative to the base", "mm", 1e3, 0.0, size, signed=False)]
+    for direction, axis in directions(dataset).items():
+        along = whole @ axis
+        low, high = min(0.0, float(along.min())), max(0.0, float(along.max()))
+        fields.append(Field(f"displacement {direction}", "mm", 1e3, low, high, signed=True, axis=axis))
+    finite = principal[np.isfinite(principal)]
+    if finite.size:
+        low, high = (float(x) for x in np.quantile(finite, (1.0 - _SHARE, _SHARE)))
+        ends = min(0.0, low), max(0.0, high)
+        fields.append(Field("major principal stress", "MPa", 1e-6, *ends, signed=True, values=principal))
     upstream = np.asarray(attrs["upstream"], dtype=float) if "upstream" in attrs else None
-    fields = _displacements(directions(result.dataset), whole) + _stresses(principal)
-    scale = magnification(result, float(np.linalg.norm(whole, axis=2).max(initial=0.0)))
+    scale = magnification(result, size)
     return Moving(str(attrs["title"]), str(attrs["record"]), surfaces, times, whole, fields, scale, upstream)
 
 
@@ -157,33 +173,3 @@ def _corner_facets(element: str, cells: Ints) -> Ints:
     linear = ELEMENTS[ELEMENTS[element].linear]
     table = np.array([(*facet, facet[-1])[:4] for facet in linear.facets])
     return cells[:, : linear.corners][:, table].reshape(-1, 4)
-
-
-def _major_stress(result: Result, name: str, nodes: Ints, times: Floats) -> Floats:
-    """Major principal stress (frames, n) of a block's nodes [Pa], NaN where the result has none."""
-    major = np.full((len(times), len(nodes)), np.nan)
-    dataset = result.dataset
-    if "stress_file" in dataset.attrs and name in dataset.stress_block.values:
-        known = np.intersect1d(nodes, dataset.stress_node_number.values[dataset.stress_block.values == name])
-        stress = result.stress(name, nodes=known, times=list(times)).values
-        major[:, np.searchsorted(nodes, known)] = principal_stresses(stress)[..., 0]
-    return major
-
-
-def _displacements(axes: dict[str, Floats], moved: Floats) -> list[Field]:
-    size = float(np.linalg.norm(moved, axis=2).max(initial=0.0))
-    fields = [Field("displacement relative to the base", "mm", 1e3, 0.0, size, signed=False)]
-    for name, axis in axes.items():
-        along = moved @ axis
-        low, high = min(0.0, float(along.min())), max(0.0, float(along.max()))
-        fields.append(Field(f"displacement {name}", "mm", 1e3, low, high, signed=True, axis=axis))
-    return fields
-
-
-def _stresses(principal: Floats) -> list[Field]:
-    known = principal[np.isfinite(principal)]
-    if not known.size:
-        return []
-    low, high = (float(x) for x in np.quantile(known, (1.0 - _SHARE, _SHARE)))
-    ends = min(0.0, low), max(0.0, high)
-    return [Field("major principal stress", "MPa", 1e-6, *ends, signed=True, values=principal)]

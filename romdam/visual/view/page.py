@@ -12,7 +12,7 @@ import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.files import replacing
-from romdam.visual.view.moving import Field, Moving
+from romdam.visual.view.moving import Moving
 
 MOST = 32_000  # of 16 bits, that the largest number of a field is
 MISSING = -32_767
@@ -27,22 +27,26 @@ def write_page(motion: Moving, path: Path) -> Path:
     WriteError
         where the folder or the disk refuses it.
     """
-    text = files("romdam.visual.view").joinpath("page.html").read_text(encoding="utf-8")
-    data = json.dumps(_data(motion), separators=(",", ":")).replace("<", "\\u003c")
-    text = text.replace("{{title}}", escape(f"{motion.title} · {motion.record}")).replace("{{data}}", data)
-    with replacing(path) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
-    return path
-
-
-def _data(motion: Moving) -> dict[str, object]:
-    """Data of `page.html`: texts and numbers as they are, arrays as base64 of little-endian numbers."""
     moved, most = _short(motion.moved)
-    blocks = [
-        {"name": surface.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}
-        for surface, triangles, edges in motion.numbered()
-    ]
-    return {
+    fields = []
+    for field in motion.fields:
+        colours = np.round(255.0 * field.colours(np.linspace(0.0, 1.0, _COLOURS))[:, :3])
+        fields.append(
+            {
+                "name": field.name,
+                "unit": field.unit,
+                "factor": field.factor,
+                "low": field.low,
+                "high": field.high,
+                "colours": _packed(colours, "<u1"),
+                "axis": None if field.axis is None else [float(x) for x in field.axis],
+            }
+        )
+        if field.values is not None:
+            values, most_of_field = _short(field.values)
+            fields[-1] |= {"values": _packed(values, "<i2"), "most": most_of_field}
+    # texts and numbers as they are, arrays as base64 of little-endian numbers
+    content = {
         "title": motion.title,
         "record": motion.record,
         "times": [round(float(t), 6) for t in motion.times],
@@ -51,26 +55,18 @@ def _data(motion: Moving) -> dict[str, object]:
         "most": most,
         "scale": motion.scale,
         "upstream": None if motion.upstream is None else [float(x) for x in motion.upstream],
-        "blocks": blocks,
-        "fields": [_field(field) for field in motion.fields],
+        "blocks": [
+            {"name": surface.name, "triangles": _packed(triangles, "<u4"), "edges": _packed(edges, "<u4")}
+            for surface, triangles, edges in motion.numbered()
+        ],
+        "fields": fields,
     }
-
-
-def _field(field: Field) -> dict[str, object]:
-    colours = np.round(255.0 * field.colours(np.linspace(0.0, 1.0, _COLOURS))[:, :3])
-    document: dict[str, object] = {
-        "name": field.name,
-        "unit": field.unit,
-        "factor": field.factor,
-        "low": field.low,
-        "high": field.high,
-        "colours": _packed(colours, "<u1"),
-        "axis": None if field.axis is None else [float(x) for x in field.axis],
-    }
-    if field.values is not None:
-        values, most = _short(field.values)
-        document |= {"values": _packed(values, "<i2"), "most": most}
-    return document
+    text = files("romdam.visual.view").joinpath("page.html").read_text(encoding="utf-8")
+    data = json.dumps(content, separators=(",", ":")).replace("<", "\\u003c")
+    text = text.replace("{{title}}", escape(f"{motion.title} · {motion.record}")).replace("{{data}}", data)
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+    return path
 
 
 def _short(values: Floats) -> tuple[Floats, float]:
