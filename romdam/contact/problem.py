@@ -1,8 +1,8 @@
-"""All gaps together at the end of a step: the arrays of the implicit problem.
+"""The contact problem of all gaps at the end of a step.
 
 Over a step the jumps respond linearly to the joint force, w = w_free + H p. The tension stiffness
-K_nz acts in both signs of the opening; it is linear and goes into H, so that what remains is
-purely unilateral: p = p_c - K_nz g with p_c >= 0 acting through K_n - K_nz in compression only.
+K_nz acts for both signs of the opening, so it is linear and is included in H. The remaining force p_c is
+unilateral: p = p_c - K_nz g with p_c >= 0, which acts through K_n - K_nz in compression only.
 The compliance of the gaps (1/(K_n - K_nz), 1/K_s; zero where rigid) adds to the diagonal:
 
     y = W p_c + y_free,   W = H' + diag(compliance),   H' = (I + H D)^-1 H,   y_free = (I + H D)^-1 w_free,
@@ -14,21 +14,19 @@ with D = diag(K_nz) on the normal directions, and the initial gap and the accumu
 W, the Delassus operator with the compliance on its diagonal, is symmetric and positive definite;
 K_n = infinity is the same problem with a zero compliance.
 
-A force that is constant over the step and follows the springs at the step's end takes energy out of them like
-a damper. So it may follow them at a point within the step, 1 - theta of the way before its end (a generalised
-midpoint rule): p = -k (theta e_1 + (1 - theta) e_0), e the deformation of the spring, at most zero along
-the normal. With the theta ratio r = (1 - theta) / theta this is the same problem with (1 + r) / k as the
-compliance and r e_0 added to y_free. For theta of 1/2 or more no gap ever gives back more than it took: along
-the normal -p (w_1 - w_0) is at least the change of k e^2 / 2 whether the gap stays closed, closes or opens,
-and in shear too, where the deformation left at the step's end is cut to the limit. With H what the step lets
-a jump move, theta follows z = k H,
+The force is constant over the step. If it were the spring force at the end of the step, it would remove
+energy from the springs like a damper. So it is the spring force at a point within the step (a generalised
+midpoint rule): p = -k (theta e_1 + (1 - theta) e_0), with the deformation e of the spring at the start (0)
+and the end (1) of the step, at most zero along the normal. With the theta ratio r = (1 - theta) / theta
+this is the same problem with (1 + r) / k as the compliance and r e_0 added to y_free. For theta >= 1/2 no
+gap returns more energy than it took: along the normal -p (w_1 - w_0) is at least the change of k e^2 / 2,
+whether the gap stays closed, closes or opens. The same holds in shear, where the deformation at the end of
+the step is reduced to the limit. Theta depends on z = k H_ii, the stiffness of the spring times the
+flexibility of its gap over the step:
 
-    theta = 1/2 + z / (z + z_0) / 2,
+    theta = 1/2 + z / (z + z_0) / 2.
 
-so that the deformation of a stiff spring, which alternates about its mean with the factor -r, converges.
-Against theta = 1 the error of the openings falls to 0.3 where z is about 25 (the two-cantilever model
-at 0.0025 s), to a twentieth at 3, and stays where gaps are stiff; the largest joint force is 4 to 8 % short,
-not 30 to 44 %.
+The deformation of a stiff spring alternates about its mean with the factor -r; with this theta it converges.
 """
 
 from __future__ import annotations
@@ -56,18 +54,18 @@ _INVERTED = 1e-9  # of the unit matrix, what Z W may be off it
 
 
 class Laws(NamedTuple):
-    """The gaps' further laws, L of them, as a step needs them.
+    """The L further laws of the gaps, as the compiled step reads them.
 
     Attributes
     ----------
-    parameters : (L, n, p) as the laws' functions get them, filled up with zeros
-    on : (L, n) which gaps have which
+    parameters : (L, n, p) parameters of the laws, padded with zeros
+    on : (L, n) whether a gap has the law
     start : (L, n, s) memory of the unloaded gaps
-    strength : (L,) whether what a law gives up is strength
-    follows_step : (L,) whether a law's bounds depend on the step that is solved
-    dashpot_share : (n,) share of a normal dashpot in the closed gap's stiffness over the step
-    per_second : (1,) 1 over the step, 0 in statics [1/s]
-    functions : of the laws
+    strength : (L,) whether the law releases a strength
+    follows_step : (L,) whether the bounds of the law depend on the solution of the step
+    dashpot_share : (n,) share of the normal dashpot in the stiffness of a closed gap over the step
+    per_second : (1,) 1 / dt; 0 in statics [1/s]
+    functions : compiled functions of the laws
     """
 
     parameters: Floats
@@ -85,19 +83,19 @@ class GapProblem(NamedTuple):
 
     Attributes
     ----------
-    W : (N, N) Delassus operator: jump per joint force, with the gaps' own compliance on the diagonal [m/N]
+    W : (N, N) Delassus operator: jump per joint force, with the compliance of the gaps on the diagonal [m/N]
     Z : (n, n) its inverse (frictionless, where W is well conditioned), else (0, 0) [N/m]
     tension_transform : (N, N) or (0, 0), (I + H D)^-1 where there is tension stiffness
     tension : (n,) K_nz [N/m]
     compliance : (N,) of the gaps over the step, with (1 + theta ratio) [m/N]
     theta_ratio : (N,) (1 - theta) / theta; zero where the force follows the spring at the step's end
-    self_flexibility : (N,) how far a force moves its own jump over the step, without compliance; along both
-        directions of the shear the largest in the gap's plane [m/N]
-    mu : (n, 2) friction on p_c, scaled so that the limit is mu times the whole normal force
-    whole : (n,) whole normal force per p_c of a closed gap
+    self_flexibility : (N,) jump of a gap per unit force on that gap over the step, without compliance; in
+        both shear directions the largest in the plane of the gap [m/N]
+    mu : (n, 2) friction coefficient for p_c, scaled so that the limit is that of the whole normal force p_n
+    whole : (n,) p_n / p_c of a closed gap
     gap : (n,) initial gap [m]
     slip : (n, 2) initial jump along j and k [m]; empty without friction
-    laws : further laws; None without any, which is a type of its own to numba
+    laws : further laws; None if there is none (another type to numba, so that no law is compiled)
     """
 
     W: Floats
@@ -115,13 +113,13 @@ class GapProblem(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Bounds of the shear of every gap: c + mu p_n, equal along j and k for a bound on the resultant.
+    """Bounds of the shear of every gap, c + mu p_n along j and k; equal bounds limit the resultant.
 
     Attributes
     ----------
     cohesion : (n, 2) c [N]
     mu : (n, 2)
-    tension : (n,) that a bond carries, in terms of p_c; p_n above is p_c plus this [N]
+    tension : (n,) tension that a bond carries, as a value of p_c; p_n is p_c plus this [N]
     """
 
     cohesion: Floats
@@ -138,21 +136,21 @@ class GapMemory(NamedTuple):
 
     Attributes
     ----------
-    force : (N,) p_c of the last step, the warm start [N]
-    accumulated_slip : (n, 2) where the shear springs have no deformation [m], moved by accepted steps only;
-        empty without friction
-    limits : in force now
-    history : (L, n, s) what the further laws keep of each gap, moved by accepted steps only
+    force : (N,) p_c of the last step, the start of the iteration [N]
+    accumulated_slip : (n, 2) jump at which the shear springs have no deformation; only accepted steps change
+        it; empty without friction [m]
+    limits : current bounds
+    history : (L, n, s) memory of the further laws; only accepted steps change it
     trial : (L, n, s) the same within a step
-    limit : (6,) scratch, what the laws put of one gap
-    step, last_step : (n, 8) the gaps in the last solution, and in the last accepted step, as laws see them;
-        empty without further laws
-    water : (n,) force of the water that laws put into the gaps, now; empty without further laws [N]
-    spring : (N,) deformation of the gaps' springs at the last accepted step: the opening where it is
-        below zero, and the jump from the accumulated slip [m]
-    failure : `FAILURE`: the gap farthest from a solution, where the last step did not converge; or that at
-        which a function of a law failed, with the law's number from 1, which ends the run
-    solver : what the solver has learnt, see `romdam.contact.solvers.state`
+    limit : (6,) scratch for the bounds of a single gap
+    step, last_step : (n, 8) state of the gaps in the last solution and in the last accepted step, as the laws
+        read it; empty without further laws
+    water : (n,) current force of the water that laws let into the gaps; empty without further laws [N]
+    spring : (N,) deformation of the springs at the last accepted step: the opening if it is negative, and
+        the jump minus the accumulated slip [m]
+    failure : `FAILURE`: the gap farthest from a solution if the last step did not converge; or the gap at
+        which a function of a law failed, with the number of the law from 1, which ends the run
+    solver : state that the solver keeps between steps, see `romdam.contact.solvers.state`
     """
 
     force: Floats
@@ -178,10 +176,10 @@ def gap_problem(
     ----------
     H : (N, N) jump per joint force over the step [m/N]; N = n (frictionless) or 3 n
     law : of the n gaps
-    step : its length, inf in statics [s]; the largest theta ratio, 1 where forces may follow the springs from
-        half of it on, 0 at its end only, as those of gaps with further laws always do
-    own : (N,) flexibility of a single gap per force of all those that a row stands for; H's where each
-        stands for itself [m/N]
+    step : length of the step, inf in statics [s]; largest theta ratio: 1 permits theta from 1/2 on, 0 means
+        theta = 1 (spring forces at the end of the step), which gaps with further laws always have
+    own : (N,) self flexibility of the gaps if rows of H stand for several merged gaps; that of H if not given
+        [m/N]
 
     Raises
     ------
@@ -294,14 +292,14 @@ def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
 
 
 def every_law(law: GapLaw) -> tuple[LawRows, ...]:
-    """The further laws, and friction as one before them."""
+    """The further laws, after friction as the first law."""
     if not law.has_memory or not law.mu.any():
         return law.laws
     return (LawRows(source_of(Coulomb), law.mu, np.asarray(law.mu.max(axis=1) > 0.0), shear=True), *law.laws)
 
 
 def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequence[float]]) -> Floats:
-    """Make the memory of the further laws, (L, n, s); `memory_of` gives it for law, parameters and gap."""
+    """Make the memory of the further laws, (L, n, s); `memory_of` takes a law, parameters and a gap."""
     rows = every_law(law)
     laws = [find_law(one.law) for one in rows]
     memory = np.zeros((len(laws), len(law), max((len(each.memory) for each in laws), default=0)))
@@ -312,7 +310,7 @@ def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequen
 
 
 def _friction(mu: Floats) -> Floats:
-    """Friction as its law puts it, (n, 2), once for all steps where no further law changes it."""
+    """Coefficients of friction by the friction law, (n, 2); valid while no further law changes them."""
     rows, which = np.unique(mu, axis=0, return_inverse=True)
     limits = np.zeros((len(rows), ENTRIES))
     for row, limit in zip(rows, limits, strict=True):
@@ -348,7 +346,7 @@ def _check_stiffness(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
 
 
 def _dual(W: Floats) -> Floats:
-    """The inverse of W, or nothing where round-off would spoil it."""
+    """The inverse of W, or an empty array if W is too ill-conditioned."""
     nothing = np.zeros((0, 0))
     if len(W) == 0:
         return nothing

@@ -1,6 +1,6 @@
-"""The integrators that there are, as a configuration knows them; their code is loaded where it is used.
+"""Registry of the integrators that a configuration may name; the code of each is loaded when it is used.
 
-To add one, write a file beside those of `romdam.timestepping.integrators` and name it in `INTEGRATORS`.
+To add an integrator, write a file in `romdam/timestepping/integrators` and name it in `INTEGRATORS`.
 """
 
 from __future__ import annotations
@@ -10,15 +10,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class IntegratorEntry:
-    """An integrator before it is loaded; what it says of itself once it is, a test compares.
+    """What a configuration must know of an integrator before its code is loaded.
+
+    A test compares each entry with the class.
 
     Attributes
     ----------
     source : "module:class", see `romdam.timestepping.integrators.protocol.Integrator`
-    uncoupled : whether it needs modes that nothing couples: a reduced model, with neither dashpots in the
-        rock nor compressible water. Then `accuracy` can choose its step, and a study compare it
+    uncoupled : whether it needs uncoupled modes: a reduced model without viscous faces and compressible
+        water. Only then can `accuracy` choose its step, and `romdam study` compare it
     damped : whether it suits scenes with damping
-    keys : of the section `transient`, those that it alone reads
+    keys : keys of the section `transient` that no other integrator reads
     """
 
     source: str

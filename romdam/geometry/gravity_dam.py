@@ -1,8 +1,9 @@
-"""A gravity dam meshed by structured hexahedra: monoliths and rock on one grid (i along x, j along y, k up).
+"""Gravity dams meshed by structured hexahedra: monoliths and rock on one grid (i along x, j along y, k up).
 
-Columns j follow the faces from elevation to elevation, and stand upright at the walls of a gallery; rows k
-end wherever something changes. A cell belongs to rock below the ground of its slice along x, to a monolith
-above it and between the faces, and else to nothing.
+The columns j follow the faces of the dam, and are vertical at the walls of a gallery. Rows k end at every
+elevation where the shape changes. A slice is a range of x with one monolith, or with the rock of a bank. A
+cell below the ground of its slice is rock, a cell above it and between the faces belongs to the monolith, and
+other cells are left out.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ from romdam.geometry.meshes.quality import refuse_bad_cells
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of the grid.
+    """Coordinates of the grid lines [m].
 
     Attributes
     ----------
     x : (ni + 1,)
-    y : (nj + 1, nk + 1), every column's at every row
+    y : (nj + 1, nk + 1) of every column line at every row line
     z : (nk + 1,)
     slices : (ni,) number of the slice of every cell along x
-    dam : first and last column of the dam's
-    gallery : (nj, nk) cells that it leaves out
+    dam : numbers of the column lines at the upstream and the downstream face
+    gallery : (nj, nk) True for cells inside the gallery
     """
 
     x: Floats
@@ -44,7 +45,7 @@ class _Lines:
     gallery: Bools
 
     def row(self, elevation: float) -> int:
-        """Number of the row line at an elevation."""
+        """Number of the row line nearest to an elevation."""
         return int(np.abs(self.z - elevation).argmin())
 
 
@@ -61,7 +62,7 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
     ConfigError
         for layers of rock that grow too fast.
     MeshError
-        for elements turned inside out.
+        for elements that are inside out.
     """
     lines = _lines(config, location)
     owner = _owner(config, lines)
@@ -135,7 +136,7 @@ def _rows(config: GravityDamConfig, location: str) -> Floats:
 
 
 def _columns(config: GravityDamConfig) -> list[int]:
-    """Elements between the faces, or between these and the walls of a gallery."""
+    """Numbers of elements between the faces, or between the faces and the walls of a gallery."""
     through, parts = config.divisions.through, config.divisions.parts
     if config.gallery is None:
         return [through * parts]
@@ -144,7 +145,7 @@ def _columns(config: GravityDamConfig) -> list[int]:
 
 
 def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
-    """x of the lines and the slice of every cell between them."""
+    """x of the grid lines, and the slice of every cell between them."""
     d, ends = config.divisions.refined, np.concatenate([[0.0], np.cumsum(config.monoliths)])
     x, counts = [np.zeros(1)], []
     for a, b in pairwise(ends):
@@ -160,7 +161,7 @@ def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
 
 
 def _owner(config: GravityDamConfig, lines: _Lines) -> Ints:
-    """(ni, nj, nk) number of every cell's block, -1 for none."""
+    """Number of the block of every cell (ni, nj, nk), -1 for cells that are left out."""
     number = {name: n for n, name in enumerate(config.block_names)}
     middle = (lines.z[1:] + lines.z[:-1]) / 2.0
     owner = np.full((len(lines.slices), *lines.gallery.shape), -1)
@@ -178,7 +179,7 @@ def _owner(config: GravityDamConfig, lines: _Lines) -> Ints:
 
 
 def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Floats, Ints, Floats]:
-    """Points, cells of the element wanted in the order of the grid, and (i, j, k) of the points."""
+    """Points, cells of the configured element in the order of the grid, and (i, j, k) of the points."""
     shape = tuple(n + 1 for n in owner.shape)
     number = np.arange(np.prod(shape)).reshape(shape)
     tags = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).astype(float)
@@ -193,7 +194,7 @@ def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Flo
 
 
 def _shared(facets: list[Ints]) -> list[Bools]:
-    """True for facets that two blocks have, block by block."""
+    """For each block, True for its facets that another block has too."""
     key = row_numbers(np.sort(np.vstack(facets), axis=1))
     _, number, count = np.unique(key, return_inverse=True, return_counts=True)
     return np.split(count[number] > 1, np.cumsum([len(facets_of_block) for facets_of_block in facets])[:-1])
@@ -202,7 +203,7 @@ def _shared(facets: list[Ints]) -> list[Bools]:
 def _faces(
     config: GravityDamConfig, lines: _Lines, name: str, where: Floats, shared: Bools
 ) -> dict[str, Bools]:
-    """Name -> facets of every face, their nodes at `where` in the grid (nf, nodes, 3)."""
+    """Name -> facets of every face; `where` (nf, nodes, 3) has (i, j, k) of their nodes."""
     i, j, k = np.moveaxis(where, -1, 0)
 
     def at(tag: Floats, line: int) -> Bools:
@@ -240,7 +241,7 @@ def _ties(config: GravityDamConfig, numbers: dict[str, Ints]) -> tuple[Tie, ...]
 
 
 def _held(config: GravityDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:
-    """Components that the ground holds: the rock's base, its sides normal to themselves, or the bases."""
+    """Components held at zero: the base of the rock and the normals of its sides; without rock the bases."""
     held = {name: np.zeros(block.points.shape, dtype=bool) for name, block in blocks.items()}
     faces = {"base": [0, 1, 2]}
     if config.rock is not None:

@@ -1,4 +1,4 @@
-"""Check that supports and joints hold every block: rank of the rigid-body motions they see."""
+"""Check that supports and joints hold every block, by the rank of the rigid motions that they prevent."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def refuse_free_blocks(
     source: str,
     ties: tuple[Tie, ...] = (),
 ) -> None:
-    """Raise if a rigid motion of some blocks meets no support and no joint.
+    """Raise if neither supports nor joints prevent a rigid motion of some blocks.
 
-    A joint counts with all its components, as if closed and stuck: a block that nothing but joints
-    hold may slide or lift off, and its motion is then the joint's to decide. Parts of a block that
-    do not hang together count each for itself. Ties hold as joints do.
+    Every joint counts as closed and stuck: a block that only joints hold may slide or lift off later,
+    and the contact solver finds its motion. Ties count as joints do. Each unconnected piece of a block
+    is a body of its own.
 
     Raises
     ------
@@ -70,11 +70,13 @@ def refuse_free_blocks(
 def refuse_massless_on_joints(
     whole: Block, names: tuple[str, ...], held: Bools, blocks: dict[str, Block], source: str
 ) -> None:
-    """Raise if a part without mass moves as a rigid body where its joints are open: nothing says how.
+    """Raise if tied blocks without mass have a rigid motion while their joints are open.
+
+    Such a motion is undetermined: neither inertia nor stiffness resists it.
 
     Parameters
     ----------
-    whole, names : the part as one block, and its blocks
+    whole, names : the tied blocks merged into one, and their names
     held : (n, 3) components that supports hold
 
     Raises
@@ -91,7 +93,7 @@ def refuse_massless_on_joints(
 
 
 def _pieces(block: Block) -> tuple[int, Ints]:
-    """Number of parts that hang together, and the part of every node."""
+    """Number of connected pieces of a block, and the piece of every node."""
     if block.matrices is not None:
         return 1, np.zeros(len(block.points), dtype=np.int64)
     ring = block.cells, np.roll(block.cells, 1, axis=1)
@@ -106,8 +108,8 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
-    of order one. Of a block with matrices of its own they are those of its unknowns, rotations among them;
-    coordinates of other kinds follow with the least strain.
+    of order one. For a block from matrices they are those of its unknowns, rotations included; internal
+    unknowns follow with the least strain energy.
     """
     if block.matrices is not None and (block.matrices.motion > 5).any():
         every = _followed(block.matrices, _physical_motions(block, slice(None)))
@@ -116,7 +118,7 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
 
 
 def _followed(matrices: BlockMatrices, motions: Floats) -> Floats:
-    """Motions (n, 3, 6) of the physical unknowns, those of other kinds following with the least strain."""
+    """Add the internal unknowns to motions (n, 3, 6) of the physical ones, with the least strain energy."""
     inner = np.flatnonzero(matrices.motion.ravel() > 5)
     followed = motions.reshape(-1, 6).copy()
     force = (matrices.K @ followed)[inner]
@@ -161,7 +163,7 @@ def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
 
 
 def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
-    """Few rows that span what supports, springs and a stiffness of its own stop of a block's motions."""
+    """Rows that span the motions of a block which supports, springs or its stiffness matrix prevent."""
     matrices = block.matrices
     held = (held if matrices is None else held & ~matrices.absent) | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
@@ -172,7 +174,7 @@ def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
 
 
 def _of_stiffness(matrices: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
-    """Rows that see rigid motions that meet a block's own stiffness, or in which no unknown of it moves."""
+    """Rows of rigid motions that strain a block from matrices, or in which none of its unknowns moves."""
     motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
     unknown, body = ~matrices.absent.ravel(), slice(first[0], first[0] + 6)
     force = (matrices.K @ motions)[unknown] / matrices.K.diagonal()[unknown, None]
@@ -231,12 +233,12 @@ def sprung(block: Block) -> Bools:
 
 
 def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = None) -> bool:
-    """True where holding some components, and springs, stop every rigid motion of a block.
+    """Whether held components and springs prevent every rigid motion of a block.
 
     Parameters
     ----------
     held : (n, 3) True for components at zero displacement
-    ties : (r, 3 n) sparse, what is at zero displacement besides
+    ties : (r, 3 n) sparse; combinations of displacements that are zero too
     """
     count, piece = _pieces(block)
     seen = _stopped(block, held, 6 * piece, 6 * count)

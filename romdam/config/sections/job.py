@@ -192,8 +192,7 @@ class ModelConfig(Model):
     cutoff: Annotated[Frequency, Positive] | None = None
     """Frequency up to which fixed-interface modes are kept, in place of `modes`."""
     residual_vectors: ResidualVectors = 0
-    """Number of lowest open-joint modes of which each adds what it leaves unbalanced in a block to the
-    block's basis."""
+    """Number of residual vectors of each block: responses to unbalanced forces of its open-joint modes."""
     solver: Literal["auto", "superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"] = "auto"
     """Solver that large blocks are reduced with; auto: the quickest that is installed and fits in the
     memory."""
@@ -210,7 +209,7 @@ class ModelConfig(Model):
 class OutputsConfig(Model):
     """Histories that are written: at named nodes and every gap, at the interval `output_interval`.
 
-    `error_estimate` adds to every result how far the modes left out have moved it.
+    `error_estimate` adds an estimate of the reduction error to every result.
     """
 
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
@@ -222,7 +221,7 @@ class OutputsConfig(Model):
     xlsx: bool = False
     """Summary of several runs as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
-    """Estimate in every result of how far the modes left out have moved it."""
+    """Estimate of the reduction error in every result."""
     mesh_error: Literal["finer", "coarser"] | None = None
     """Mesh of half (finer) or twice (coarser) the size of the elements, on which every run is made again to
     state the error of its own mesh."""

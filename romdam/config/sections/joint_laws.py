@@ -21,7 +21,7 @@ _STIFFNESS = "a stiffness per area such as 16 GPa/m{} {{per_gap: 1 GN/m}}{}"
 
 
 class LawSection(Model):
-    """The parameters of a law that stand in a mapping of their own."""
+    """Parameters of a law, in a mapping."""
 
 
 def both(value: object) -> object:

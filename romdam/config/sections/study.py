@@ -38,4 +38,4 @@ class StudyConfig(Model):
     duration: Annotated[Time, Positive] = 10.0
     """Time from the record's start over which is compared."""
     repeats: Annotated[Whole, Field(ge=1, le=99)] = 3
-    """Runs of each setting, whose median CPU time is told."""
+    """Runs of each setting; the median CPU time counts."""

@@ -27,7 +27,7 @@ class ReservoirMeshConfig(MeshFileConfig):
     end: FaceRef
     """An upright plane across the valley, beyond which the channel goes on; `closed` within banks."""
     bottom: tuple[FaceRef, ...] | None = None
-    """Faces that take waves up; if not given, all walls more than 10 degrees off upright."""
+    """Faces that absorb waves; if not given, all walls more than 10 degrees off vertical."""
     overlap: Annotated[float, Field(gt=0.0, le=1.0)] = 0.95
     """Least share of each block's wet faces, below the level, that the mesh lies on."""
 
@@ -61,7 +61,7 @@ class WaterConfig(Model):
     sound_speed: Annotated[Velocity, Field(ge=20.0, le=5000.0)] = 1440.0
     """Speed of sound in compressible water; with bubbles it is less, and no less than some 20 m/s."""
     bottom_reflection: Annotated[Dimensionless, Field(ge=0.0, le=1.0)] = 1.0
-    """Share of a pressure wave that the floor sends back (compressible): 1 rigid, 0 takes all up."""
+    """Reflection coefficient of the floor for pressure waves (compressible): 1 rigid, 0 absorbs all."""
     cutoff: Annotated[Frequency, Positive] = 50.0
     """Frequency up to which the water has modes of its own in a reduced model."""
     mesh: ReservoirMeshConfig | None = None

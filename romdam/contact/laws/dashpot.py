@@ -9,7 +9,7 @@ from romdam.contact.laws.law import Law, Parameter
 
 
 class Dashpot(Law):
-    """A normal dashpot per area that acts while the gap overlaps and never pulls."""
+    """Normal dashpot per area of the closed gap; it never pulls."""
 
     parameters = (Parameter("viscosity", "N*s/m^3", per_area=True, default=0.0),)
     array = "viscosity"

@@ -6,7 +6,7 @@ from romdam.contact.laws.law import Law, Parameter
 
 
 class Penalty(Law):
-    """K_n acts while the gap overlaps; "rigid" makes it exactly unilateral."""
+    """Stiffness K_n of the closed gap; "rigid" permits no overlap."""
 
     parameters = (
         Parameter(

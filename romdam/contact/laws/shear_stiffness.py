@@ -10,7 +10,7 @@ from romdam.contact.laws.law import COHESION_J, COHESION_K, Law, Parameter
 
 
 class ShearStiffness(Law):
-    """K_s acts from the accumulated slip while the gap sticks; what bounds it is other laws'.
+    """Stiffness K_s while the gap sticks, from the accumulated slip; friction, cohesion or a key limit it.
 
     A joint whose tension_stiffness is its normal_stiffness is elastic: there K_s acts without a bound unless
     another law bounds it.

@@ -6,7 +6,7 @@ from romdam.contact.laws.law import Law, Parameter
 
 
 class TensionStiffness(Law):
-    """K_nz acts in both signs of the opening; K_n beyond it acts in compression only."""
+    """Stiffness K_nz of the open gap; the closed gap has K_n."""
 
     parameters = (Parameter("tension_stiffness", "N/m^3", per_area=True, per_gap="N/m", default=0.0),)
     array = "K_nz"

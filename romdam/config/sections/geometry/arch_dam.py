@@ -120,7 +120,7 @@ class RockConfig(Model):
     """Depth of the rock below z = 0."""
     zones: Annotated[dict[Name, ZoneConfig], Field(min_length=1, max_length=9)]
     boundary: Literal["fixed", "viscous"] = "fixed"
-    """Condition at the base and the sides: fixed, or dashpots and springs that take waves up."""
+    """Condition at the base and the sides: fixed, or dashpots and springs that absorb waves."""
 
     @model_validator(mode="after")
     def _waves(self) -> Self:

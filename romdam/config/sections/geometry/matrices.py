@@ -27,7 +27,7 @@ class MatricesConfig(Model):
     """
 
     stiffness: Path
-    """K, symmetric; without supports it is best, which are then romdam's own."""
+    """K, symmetric; preferably without supports, which `supports` then gives."""
     mass: Path
     """M, symmetric and positive."""
     damping: Path | None = None
@@ -37,7 +37,7 @@ class MatricesConfig(Model):
     nodes: Path | None = None
     """Coordinates of numbered nodes (.csv, or a mesh file); the block's mesh file, if neither gives them."""
     inertia: Path | None = None
-    """M r for unit accelerations along x, y, z, where M itself does not tell: reduced blocks on supports."""
+    """M r for unit accelerations along x, y, z; needed for reduced blocks on supports."""
     force: Path | None = None
     """Static force on every unknown, besides the loads of this file."""
     units: UnitSystem = "m-kg-s"
@@ -45,7 +45,7 @@ class MatricesConfig(Model):
     total_mass: Annotated[Mass, Field(gt=0.0)] | None = None
     """Mass that the block should have, in every direction; checked within a tenth."""
     tolerance: Tolerance = 1e-3
-    """Distance of a node of these files from that of the mesh which is the same."""
+    """Distance up to which a node of these files is a node of the mesh."""
 
 
 def refuse_wrong_matrices(config: Config, made: Collection[str]) -> None:

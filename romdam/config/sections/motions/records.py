@@ -88,7 +88,7 @@ class ComponentConfig(Model):
     file: Path | None = None
     """File of this channel, if not the entry's."""
     reverse: bool = False
-    """Sign of the samples is turned."""
+    """The samples change their sign."""
 
     short_form: ClassVar[dict[str, object] | None] = {"type": ["integer", "string"]}
 

@@ -110,11 +110,11 @@ class TargetConfig(Model):
     """Spectrum that `scale: target`, `match` and `select` aim at over a range of periods."""
 
     spectrum: SpectrumConfig
-    """Spectrum of pseudo-acceleration that is aimed at."""
+    """Target spectrum of pseudo-acceleration."""
     periods: tuple[Annotated[Time, Positive], Annotated[Time, Positive]]
     """First and last period of the range that counts."""
     of: Of
-    """Combination of the components that is held against the target."""
+    """Combination of the components that is compared with the target."""
     damping: Ratio = 0.05
     """Damping ratio of the spectrum."""
 

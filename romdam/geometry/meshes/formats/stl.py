@@ -1,4 +1,4 @@
-"""STL: a triangulated surface, binary or text; no solids, but what may cut them."""
+"""Reader of STL files, binary or text: triangulated surfaces that cut blocks; they have no volume."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _VERTEX = re.compile(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.M)
 
 
 def read_stl(path: Path, location: str) -> MeshFile:
-    """Read triangles, each with corners of its own.
+    """Read the triangles of a file; no two of them share a corner.
 
     Raises
     ------
     MeshError
-        for a file that is damaged or was cut.
+        for a file that is damaged or truncated.
     """
     data, location = path.read_bytes(), f"{location}: {path}"
     try:
@@ -35,7 +35,10 @@ def read_stl(path: Path, location: str) -> MeshFile:
 
 
 def _is_binary(data: bytes) -> bool:
-    """Tell by the length, which the number of triangles gives: a binary header may begin like text."""
+    """Tell by the length of the file, which follows from the number of triangles.
+
+    The first bytes do not tell: the header of a binary file may begin with "solid" too.
+    """
     count = int.from_bytes(data[_HEADER - 4 : _HEADER], "little")
     return len(data) == _HEADER + count * _RECORD.itemsize
 
