@@ -172,7 +172,7 @@ def configuration() -> str:
         at = "the whole file" if paths == [""] else ", ".join(f"`{path}`" for path in paths)
         rows = ["| key | type and unit | default | limits and meaning |", "|---|---|---|---|"]
         rows += [_row(mapping, name) for name in mapping["properties"]]
-        doc = " ".join(mapping["description"].split())
+        doc = " ".join(re.split(r"\n\s*\w+\n\s*---", mapping["description"])[0].split())
         sections.append("\n".join([f"## {heading}", "", f"Stands at {at}. {doc}", "", *rows, ""]))
     return "\n".join(sections)
 
