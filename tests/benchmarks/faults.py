@@ -1,0 +1,509 @@
+"""Faults that the tests must notice: slips of a programmer in code that computes numbers, room by room.
+
+`mutants.py` plants each into a copy of the tree. The texts must stand in their files exactly once; when code
+moves, the text here moves with it (`tests/test_mutants_table.py` says which).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+COMPILED = ("contact", "records", "timestepping")  # rooms whose compiled functions follow from their files
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One text of a file in place of another.
+
+    Attributes
+    ----------
+    room : of the file, which is `file` from the room on
+    file : path from the root of the tree
+    old : text that stands there exactly once
+    new : what is put in its place
+    tests : what is run, as pytest takes it: narrow, some seconds
+    """
+
+    room: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+def _in(file: str, tests: tuple[str, ...], *pairs: tuple[str, str]) -> list[Fault]:
+    """Faults of one file of the package, or of `pipelines/`."""
+    room = file.partition("/")[0]
+    path = file if room == "pipelines" else f"romdam/{file}"
+    return [Fault(room, path, old, new, tests) for old, new in pairs]
+
+
+_SLOW = ("-k", "not peer_record and not pyrotd and not eqsig and not p695")  # of these files, and not needed
+_RECORDS = ("tests/records/test_values_by_hand.py",)
+_RESULTS = ("tests/results/test_values_by_hand.py",)
+_POSTPROCESS = ("tests/results/test_postprocess_by_hand.py",)
+_CONTACT = ("tests/contact/test_contact_by_hand.py",)
+_TIMESTEPPING = ("tests/timestepping/test_timestepping_by_hand.py",)
+_ERROR = ("tests/error/test_error_by_hand.py",)
+
+_FAULTS = [
+    *_in(
+        "records/processing/correction_steps.py",
+        _RECORDS,
+        ("@ coefficients[1:] / ((n - 1) * dt)", "@ coefficients[1:] / (n * dt)"),
+        ("np.ceil(1.5 * order / corner / dt)", "np.ceil(order / corner / dt)"),
+        ("slope = (time[:, None] >= starts)", "slope = (time[:, None] > starts)"),
+    ),
+    *_in(
+        "records/processing/integrate.py",
+        _RECORDS,
+        (
+            "dt**2 / 6.0 * (2.0 * acc[..., :-1] + acc[..., 1:])",
+            "dt**2 / 4.0 * (acc[..., :-1] + acc[..., 1:])",
+        ),
+    ),
+    *_in(
+        "records/processing/resampling.py", _RECORDS, ("spectrum[..., -1] *= 0.5", "spectrum[..., -1] *= 1.0")
+    ),
+    *_in(
+        "records/processing/corners.py",
+        (*_RECORDS, "tests/records/test_record_changes.py", *_SLOW),
+        ("10.0 ** (1.5 * magnitude + 16.05)", "10.0 ** (1.5 * magnitude + 16.1)"),
+    ),
+    *_in(
+        "records/measures.py",
+        _RECORDS,
+        ("significant_duration(rows, dt, 0.05, 0.75)", "significant_duration(rows, dt, 0.05, 0.7)"),
+        ("- (row[after] - level) / rise", "- 0.0 * (row[after] - level) / rise"),
+    ),
+    *_in(
+        "records/spectra.py",
+        (*_RECORDS, "tests/records/test_record_measures.py", *_SLOW),
+        (
+            "undecayed = x * np.cos(omega_d * t) + (rate + xi * omega * x)",
+            "undecayed = x * np.cos(omega_d * t) + (rate)",
+        ),
+    ),
+    *_in(
+        "records/components.py",
+        _RECORDS,
+        ("np.sqrt(combined[0] * combined[1])", "0.5 * (combined[0] + combined[1])"),
+    ),
+    *_in(
+        "records/processing/offset.py",
+        ("tests/records/test_record_changes.py", *_SLOW),
+        (
+            "half = acc.shape[-1], max(1, round(0.5 * WINDOW / dt))",
+            "half = acc.shape[-1], max(1, round(WINDOW / dt))",
+        ),
+    ),
+    *_in(
+        "records/clipping.py",
+        ("tests/records/test_clipping.py", *_SLOW),
+        ("TOP * np.max(around)) |", "TOP * np.max(around)) &"),
+    ),
+    *_in(
+        "geometry/facets.py",
+        ("tests/geometry/test_mixed_blocks.py", "tests/geometry/test_gap_weights.py"),
+        ("middle = dA @ at / dA.sum()", "middle = at.mean(axis=0)"),
+        (
+            "np.add.at(total, facets, vectors[:, None, :])",
+            "np.add.at(total, facets, facet_normals(points, facets)[:, None, :])",
+        ),
+        ("linear.rule_of(5 if linear.box else 8)", "linear.rule_of(2 if linear.box else 4)"),
+    ),
+    *_in(
+        "geometry/gravity_dam.py",
+        ("tests/geometry/test_gravity_dam.py",),
+        (
+            "after = walls[:, -1:] + down * (toe + config.rock.downstream - walls[:, -1:])",
+            "after = walls[:, -1:] + down * config.rock.downstream",
+        ),
+    ),
+    *_in(
+        "geometry/arch_dam/shape.py",
+        ("tests/geometry/test_arch_dam.py",),
+        ("if share is None else share) ** 2", "if share is None else share)"),
+    ),
+    *_in(
+        "scene/mortar/dual.py",
+        (
+            "tests/scene/test_mortar_tie_weights.py",
+            "tests/scene/test_mortar_gaps.py",
+            "tests/reduction/test_mortar_ties.py",
+        ),
+        ("np.linalg.solve(change.T, np.ones(m))", "np.linalg.solve(change, np.ones(m))"),
+    ),
+    *_in(
+        "scene/mortar/gaps.py",
+        ("tests/scene/test_mortar_gaps.py", "tests/scene/test_mortar_joints.py"),
+        ("np.ones(len(kept)), 1.0 / count[pairs[:, 1]]", "np.ones(len(kept)), np.ones(len(pairs))"),
+    ),
+    *_in(
+        "scene/joint_water/diagram.py",
+        ("tests/scene/test_joint_water.py",),
+        ("drains.share_left * (level - least) * left", "drains.share_left * (level - low) * left"),
+    ),
+    *_in(
+        "scene/joint_water/build.py",
+        ("tests/timestepping/test_crack_water.py", "tests/scene/test_joint_water.py"),
+        ("_entering((full - pressure) * joint.area)", "_entering(full * joint.area)"),
+    ),
+    *_in(
+        "scene/joints.py",
+        ("tests/scene/test_joint_pairs.py",),
+        ("np.add.at(share, taker, joint.area[~keep])", "share[taker] = joint.area[~keep]"),
+    ),
+    *_in(
+        "scene/stress/sites.py",
+        ("tests/fem/test_stress.py", "tests/scene/test_stress_ring.py"),
+        ("total += normal / (distance +", "total += normal * (distance +"),
+    ),
+    *_in(
+        "scene/ground/viscous.py",
+        ("tests/fem/test_absorbing.py",),
+        ("(low + high)[:2] / 2.0, low[2] if standing", "(low + high)[:2] / 2.0, high[2] if standing"),
+    ),
+    *_in(
+        "fem/stress.py",
+        ("tests/fem/test_stress.py", "tests/geometry/test_mixed_blocks.py"),
+        ("-(3.0 * lam + 2.0 * mu) * strain", "-(3.0 * lam + mu) * strain"),
+        ("found[:, :, v, :, k] += mu * g[..., l]", "found[:, :, v, :, k] += mu * g[..., k]"),
+    ),
+    *_in(
+        "fem/loads.py",
+        ("tests/reduction/test_static_loads.py",),
+        ("change / (1.0 - 2.0 * material.nu)", "change / (1.0 - material.nu)"),
+    ),
+    *_in(
+        "fem/absorbing.py",
+        ("tests/fem/test_absorbing.py",),
+        ("_ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0", "_ALONG, _ACROSS = 2.0 / 3.0, 4.0 / 3.0"),
+    ),
+    *_in(
+        "fem/damping.py",
+        ("tests/fem/test_damping_of_rigid_motion.py", "tests/reduction/test_natural_modes.py"),
+        ('ratio[np.argsort(omega2, kind="stable")] = ranked', "ratio[:] = ranked"),
+    ),
+    *_in(
+        "fem/sections.py",
+        ("tests/fem/test_sections.py",),
+        (
+            "arm = step * ((points - section.centroid) @ section.axes[0])",
+            "arm = (points - section.centroid) @ section.axes[0]",
+        ),
+    ),
+    *_in(
+        "fem/column.py",
+        ("tests/fem/test_free_field.py",),
+        ("np.array([mu, mu, lam + 2.0 * mu])", "np.array([mu, mu, lam + mu])"),
+    ),
+    *_in(
+        "fem/water/prism.py",
+        ("tests/fem/test_water.py",),
+        ("way = along.max() + water.length - along", "way = np.full_like(along, water.length)"),
+    ),
+    *_in(
+        "effects/added_mass.py",
+        ("tests/fem/test_water.py",),
+        ("M = np.eye(len(k)) + B.T @ water.times(B)", "M = np.eye(len(k)) + B.T @ B"),
+    ),
+    *_in(
+        "effects/damping.py",
+        ("tests/fem/test_damping_of_rigid_motion.py", "tests/reduction/test_block_matrices.py"),
+        ("braked = braked - matrix.T @", "braked = braked + matrix.T @"),
+    ),
+    *_in(
+        "effects/free_field.py",
+        ("tests/fem/test_free_field.py",),
+        (
+            "lam * n[:, :, None] * up + mu * up[:, None] * n[:, None, :]",
+            "mu * n[:, :, None] * up + lam * up[:, None] * n[:, None, :]",
+        ),
+    ),
+    *_in(
+        "effects/channel.py",
+        ("tests/fem/test_compressible_water.py",),
+        ("c**2 * square, density * c**2 * flux", "c**2 * square, density * c * flux"),
+    ),
+    *_in(
+        "effects/compressible_water.py",
+        ("tests/fem/test_compressible_water.py",),
+        ("factor.solve(unit) - at_dam.T @ (at_dam / omega2[:, None])", "factor.solve(unit)"),
+    ),
+    *_in(
+        "reduction/methods/craig_bampton.py",
+        ("tests/reduction/test_craig_bampton.py",),
+        ("[elastic] / size[elastic]).max())", "[elastic] / size[elastic]).min())"),
+    ),
+    *_in(
+        "reduction/methods/craig_bampton.py",
+        ("tests/reduction/test_defect.py", "tests/fem/test_water.py"),
+        ("FINER_VECTORS, ROUND_OFF, block.wet)", "FINER_VECTORS, ROUND_OFF, None)"),
+    ),
+    *_in(
+        "reduction/natural_modes.py",
+        ("tests/reduction/test_natural_modes.py",),
+        ("effective_mass=(factor / scale[:, None]) ** 2", "effective_mass=(factor * scale[:, None]) ** 2"),
+        ("np.column_stack([law.K_n, law.K_s, law.K_s])", "np.column_stack([law.K_n, law.K_n, law.K_s])"),
+    ),
+    *_in(
+        "reduction/refinement.py",
+        ("tests/fem/test_water.py", "tests/reduction/test_defect.py"),
+        ("onto.T @ fine.water.times(of)", "onto.T @ of"),
+    ),
+    *_in(
+        "reduction/methods/inertia_relief.py",
+        ("tests/reduction/test_free_interface.py",),
+        ("(2.0 * (loads.T @ inertia) - along", "((loads.T @ inertia) - along"),
+    ),
+    *_in(
+        "contact/problem.py",
+        _CONTACT,
+        ("2.0 / _HALF_WAY * flexibility", "1.0 / _HALF_WAY * flexibility"),
+        ("np.hypot(0.5 * (jj - kk), blocks", "np.hypot(jj - kk, blocks"),
+    ),
+    *_in(
+        "contact/step.py",
+        _CONTACT,
+        ("0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]", "0.0, 0.0, 0.0, problem.theta_ratio[3 * i]"),
+    ),
+    *_in(
+        "contact/strength.py",
+        _CONTACT,
+        ("limit[COHESION_J + a] - mu * limit[TENSION], 0.0", "limit[COHESION_J + a], 0.0"),
+        ("strength = mu * np.maximum(force[..., NORMAL], 0.0)", "strength = mu * np.abs(force[..., NORMAL])"),
+    ),
+    *_in(
+        "contact/laws/slip_weakening.py",
+        _CONTACT,
+        ("path = memory[PATH] + math.hypot(step[SLIP_J], step[SLIP_K])", "path = memory[PATH]"),
+    ),
+    *_in(
+        "timestepping/energy.py",
+        _TIMESTEPPING,
+        ("- (stored - stored[0]) - friction", "- stored - friction"),
+    ),
+    *_in(
+        "timestepping/peaks.py",
+        ("tests/timestepping/test_peaks.py",),
+        (
+            "size(at_points).max(axis=0) + peaks[name] - size(jump)",
+            "size(at_points).max(axis=0) + 0.0 * size(jump)",
+        ),
+    ),
+    *_in(
+        "timestepping/steps.py",
+        _TIMESTEPPING,
+        ("max(1.0, 1.0 / rows)", "max(1.0, rows)"),
+    ),
+    *_in(
+        "timestepping/step_control.py",
+        _TIMESTEPPING,
+        ("1.0 / ((fine / coarse) ** order - 1.0)", "1.0 / ((fine / coarse) ** order)"),
+        ("(slip**2).sum(axis=(1, 2)).max()", "(slip**2).sum(axis=(1, 2)).mean()"),
+    ),
+    *_in(
+        "timestepping/support_motion.py",
+        _TIMESTEPPING,
+        ("+ strain - strain[:1]", "+ strain"),
+    ),
+    *_in(
+        "error/metrics.py",
+        _ERROR,
+        ("near = np.maximum(opening, better) >=", "near = np.minimum(opening, better) >="),
+        ("np.linalg.norm(scale, axis=0).max()", "np.linalg.norm(scale, axis=0).mean()"),
+    ),
+    *_in(
+        "error/two_results.py",
+        _ERROR,
+        ("within = 0.5 * (before - after)", "within = 0.5 * (after - before)"),
+    ),
+    *_in(
+        "error/estimate.py",
+        _ERROR,
+        ("(finer - opening[rows])[-rest:].mean(axis=0)", "(finer - opening[rows])[-1:].mean(axis=0)"),
+        ("/ (history.time[row] - history.time[row - 1])", "/ history.time[row]"),
+    ),
+    *_in(
+        "error/discretisation.py",
+        _ERROR,
+        ("np.asarray(area @ slip / area.sum())", "np.asarray(slip.mean(axis=0))"),
+    ),
+    *_in(
+        "error/study.py",
+        _ERROR,
+        ("cpu_seconds=median(cpu)", "cpu_seconds=max(cpu)"),
+    ),
+    *_in(
+        "results/variables.py",
+        _RESULTS,
+        (
+            'mean_traction[:, :, 0] / c.of_gaps("area")',
+            'mean_traction[:, :, 0] / c.of_gaps("whole_area")',
+        ),
+        (
+            'peaks["compression"] / c.of_gaps("area")',
+            'peaks["compression"] / c.of_gaps("whole_area")',
+        ),
+        ('c.of_gaps("water") / c.of_gaps("area")', 'c.of_gaps("water") / c.of_gaps("whole_area")'),
+        ("lambda part: part[part[:, 0].argmax(), 1])", "lambda part: part[part[:, 1].argmax(), 1])"),
+    ),
+    *_in(
+        "results/sliding.py",
+        _RESULTS,
+        ('c.history.bonded * c.of_gaps("area")', 'c.history.bonded * c.of_gaps("whole_area")'),
+        ('"tgd,gdx->tgx", jump - jump[0],', '"tgd,gdx->tgx", jump,'),
+        ("_slip(case)[time >= time[-1] - REST].mean(axis=0)", "_slip(case)[-1]"),
+        ('area[:, None] * case.of_gaps("axes")[:, 0]', 'case.of_gaps("axes")[:, 0]'),
+    ),
+    *_in(
+        "results/suite/rows.py",
+        _RESULTS,
+        ("seconds[part.any(axis=0)]", "seconds[part.all(axis=0)]"),
+        ("_at_rest(c.history)[:, 1:3].T", "_at_rest(c.history)[:, :2].T"),
+    ),
+    *_in(
+        "results/stress/variables.py",
+        _RESULTS,
+        ("ratio[first[face.block] + face.rows]", "ratio[face.rows]"),
+        ("stress_summary.sections[..., 3:]", "stress_summary.sections[..., :3]"),
+    ),
+    *_in(
+        "results/stress/faces.py",
+        _RESULTS,
+        ("(first[face.block] + face.rows[counted], face", "(face.rows[counted], face"),
+    ),
+    *_in(
+        "postprocess/stress/summary.py",
+        _POSTPROCESS,
+        ("(1.0 if k == l else 2.0)", "1.0"),
+    ),
+    *_in(
+        "postprocess/stress/sections.py",
+        _POSTPROCESS,
+        ("np.stack([-forces[:, 5], forces[:, 4]])", "np.stack([forces[:, 5], forces[:, 4]])"),
+    ),
+    *_in(
+        "postprocess/stress/faces.py",
+        _RESULTS,
+        ("share = np.cumsum(area[there][order])", "share = np.cumsum(np.ones(there.sum()))"),
+    ),
+    *_in(
+        "postprocess/sliding.py",
+        _POSTPROCESS,
+        ("root = np.sqrt(area)[:, None]", "root = area[:, None]"),
+        ("arm = position - area @ position / area.sum()", "arm = position - position.mean(axis=0)"),
+    ),
+    *_in(
+        "postprocess/dependence.py",
+        _POSTPROCESS,
+        ("left @ left / max(len(x) - 2, 1)", "left @ left / max(len(x) - 1, 1)"),
+    ),
+    *_in(
+        "postprocess/fragility.py",
+        _POSTPROCESS,
+        ("(seen.above >= level).sum()", "(seen.above > level).sum()"),
+    ),
+    *_in(
+        "postprocess/record_measures.py",
+        _POSTPROCESS,
+        ('"sa": 1, "arias": 2}', '"sa": 1, "arias": 1}'),
+    ),
+    *_in(
+        "postprocess/record_curves.py",
+        _POSTPROCESS,
+        ("weights=amplitude[1:] ** 2)", "weights=amplitude[1:])"),
+    ),
+    *_in(
+        "postprocess/maxima.py",
+        _POSTPROCESS,
+        ("100.0 * float(of_face.overstressed_area[0])", "100.0 * float(of_face.overstressed_area[-1])"),
+    ),
+    *_in(
+        "config/quantities.py",
+        ("tests/config/test_quantities.py",),
+        ("standard_gravity = 9.80665 m/s^2", "standard_gravity = 9.81 m/s^2"),
+    ),
+    *_in(
+        "config/sections/joint_water.py",
+        ("tests/scene/test_joint_water.py",),
+        ("return 1.0 - (USBR_EFFECTIVENESS", "return (USBR_EFFECTIVENESS"),
+    ),
+    *_in(
+        "config/sections/geometry/gravity_dam.py",
+        ("tests/geometry/test_gravity_dam.py",),
+        ("self.gallery.upstream + self.gallery.width, last", "self.gallery.width, last"),
+        ("(self.bases[0], self.bases[-1])", "(self.bases[0], self.bases[0])"),
+    ),
+    *_in(
+        "export/build.py",
+        ("tests/export/test_build.py",),
+        ("material.E * j.area / _GIVE", "material.E * j.area * _GIVE"),
+    ),
+    *_in(
+        "export/deck.py",
+        ("tests/export/test_build.py", "tests/export/test_code_aster.py"),
+        ("self.law.mu.min(axis=1)", "self.law.mu.max(axis=1)"),
+    ),
+    *_in(
+        "export/matrices.py",
+        ("tests/geometry/test_superelements.py",),
+        ("R = R - N @ (", "R = R + N @ ("),
+    ),
+    *_in(
+        "export/code_aster.py",
+        ("tests/export/test_code_aster.py",),
+        ("jump[:, 0] = -deck.gaps.law.K_nz", "jump[:, 0] = deck.gaps.law.K_nz"),
+    ),
+    *_in(
+        "linalg/modes/eigen.py",
+        ("tests/reduction/test_massless.py", "tests/linalg/test_solvers.py"),
+        ("return 1.0 / mu[finite] + shift", "return 1.0 / mu[finite] - shift"),
+    ),
+    *_in(
+        "linalg/modes/flexibility.py",
+        ("tests/linalg/test_ill_conditioned.py", "tests/reduction/test_free_interface.py"),
+        ("(self.rigid.T @ (self.M @ answer))", "(self.rigid.T @ answer)"),
+    ),
+    *_in(
+        "linalg/modes/rigid.py",
+        ("tests/fem/test_damping_of_rigid_motion.py",),
+        ("R @ (V / np.sqrt(mass))", "R @ (V / mass)"),
+    ),
+    *_in(
+        "linalg/conjugate.py",
+        ("tests/linalg/test_solvers.py",),
+        ("tolerance * np.linalg.norm(R, axis=0)\n", "tolerance * np.linalg.norm(R) * np.ones(R.shape[1])\n"),
+    ),
+    *_in(
+        "pipelines/cost.py",
+        ("tests/test_cost.py",),
+        ("(seconds - slope * more) / _PARTS + slope", "(seconds - slope * more) + slope"),
+        ("every = runs * sum(", "every = sum("),
+        ("middles = [(k + 0.5) * whole", "middles = [k * whole"),
+    ),
+    *_in(
+        "pipelines/simulation.py",
+        ("tests/test_python.py",),
+        ("cut_or_extended(acc, round(duration / dt) + 1)", "cut_or_extended(acc, round(duration / dt))"),
+    ),
+]
+FAULTS: dict[str, list[Fault]] = {}
+for _fault in _FAULTS:
+    FAULTS.setdefault(_fault.room, []).append(_fault)
+
+
+def misplaced(root: Path, faults: Iterable[Fault]) -> list[str]:
+    """Faults whose text does not stand exactly once in its file, or whose tests are not there, in words."""
+    wrong = []
+    for fault in faults:
+        path = root / fault.file
+        count = path.read_text(encoding="utf-8").count(fault.old) if path.is_file() else 0
+        if count != 1:
+            wrong.append(f"{fault.file}: {fault.old!r} stands there {count} times, wanted once")
+        missing = [name for name in fault.tests if name.endswith(".py") and not (root / name).is_file()]
+        wrong += [f"{fault.file}: {fault.old!r}: no such test file {name}" for name in missing]
+    return wrong
