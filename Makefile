@@ -56,7 +56,7 @@ bench: $(VENV)/.installed-dev
 	@for bench in tests/benchmarks/bench_*.py; do \
 	  $(BIN)/python $$bench --out $(OUT)/$$(basename $$bench .py).json || exit 1; done
 
-# Faults planted one by one into a copy of the tree, and whether the tests notice: ten minutes.
+# Faults planted one by one into a copy of the tree, and whether the tests notice: half an hour.
 mutants: $(VENV)/.installed-dev
 	@mkdir -p $(OUT)
 	$(BIN)/python tests/benchmarks/mutants.py --out $(OUT)/mutants.json

@@ -1,0 +1,58 @@
+"""Added mass and compressible water of one or two unknowns, worked out on paper."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix, diags_array
+
+from romdam.core.scene import Sound
+from romdam.effects.added_mass import AddedMass, _wet_modes, added_mass_matrix
+from romdam.effects.channel import impedance_network, radiating_end
+from romdam.effects.compressible_water import Waves, reduced_waves
+from romdam.fem.water.body import Section
+
+
+def test_wet_mode_of_one_unknown():
+    """k = 3 and B = 2 with F = 5: a mass of 1 + 2 5 2 = 21."""
+    water = AddedMass({}, np.array([[5.0]]), np.zeros((1, 3)))
+    omega2, V = _wet_modes(np.array([3.0]), np.array([[2.0]]), water)
+    assert omega2 == pytest.approx([1 / 7]) and abs(V[0, 0]) == pytest.approx(21**-0.5)
+    B = csr_matrix(np.array([[2.0, 0.0, 3.0]]))
+    expected = 5.0 * np.array([[4, 0, 6], [0, 0, 0], [6, 0, 9]])
+    np.testing.assert_allclose(added_mass_matrix(water, B).toarray(), expected)
+    np.testing.assert_allclose(
+        added_mass_matrix(AddedMass({}, None, np.zeros((1, 3))), B).toarray(), expected / 5.0
+    )
+
+
+def test_waves_of_a_channel_with_one_section_mode():
+    """H = 2, G = 1/2: phi = sqrt 2, wave number 2. Floor 0.3, flux (1, 3, 0), c = 1400 m/s, q = 1e-4.
+
+    y'' + c^2 q 0.3 phi^2 y' + c^2 4 y = rho c^2 phi (1, 3, 0) v.
+    """
+    section = Section(
+        csr_matrix([[2.0]]), csr_matrix([[0.5]]), csr_matrix([[0.3]]), np.array([[1.0, 3.0, 0.0]])
+    )
+    end = radiating_end(section, Sound(1400.0, 0.8, 1e4), 1e-4, 1000.0)
+    np.testing.assert_allclose(end.drive.k, [4 * 1400.0**2], rtol=1e-12)
+    np.testing.assert_allclose(end.drive.c, [[1400.0**2 * 1e-4 * 0.6]], rtol=1e-12)
+    sign = np.sign(end.drive.velocity[0, 0])
+    np.testing.assert_allclose(
+        sign * end.drive.velocity, 1000 * 1400.0**2 * 2**0.5 * np.array([[1, 3, 0]]), rtol=1e-12
+    )
+    # G phi = phi / 2: amplitude a = p / sqrt 2; its spring is Z's times the wave number
+    _, _, network = impedance_network()
+    assert end.K[0, 0] == pytest.approx(0.5 * 2.0 * network[0, 0])
+    assert end.C[0, 0] == pytest.approx(0.5 / 1400.0)  # the network's first mass is zero
+
+
+def test_what_a_reservoirs_modes_leave_to_its_flexibility():
+    """Of 10 and 30 Hz one is below 20 Hz: the rest is the flexibility of the other alone."""
+    omega2 = (2 * np.pi * np.array([10.0, 30.0])) ** 2
+    none = csr_matrix((2, 2))
+    waves = Waves(
+        csr_matrix(np.eye(2)), none, csr_matrix(diags_array(omega2)), csr_matrix(np.eye(2)), {},
+        np.zeros((2, 3)), None,
+    )  # fmt: skip
+    found = reduced_waves(waves, 20.0)
+    np.testing.assert_allclose(found.waves.K.diagonal(), omega2[:1], rtol=1e-9)
+    np.testing.assert_allclose(found.rest, np.diag([0.0, 1.0 / omega2[1]]), atol=1e-9 / omega2[1])
