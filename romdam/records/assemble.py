@@ -16,7 +16,6 @@ from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.processing.align import align, rotation, said_of_starts
 from romdam.records.processing.correction import (
-    Signal,
     changed_measures,
     check_processed,
     correct,
@@ -55,40 +54,105 @@ def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
 def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
     config, location = source.config, source.location
     chosen, left_out = (list(axes.values()), ()) if axes else _pointed(source)
-    channels = [_filled(channel, config, location) for channel in chosen]
+    channels = [_filled(channel, config) for channel in chosen]
     for channel in channels:
         check_channel(channel, location)
-        _check_dt(channel, config, location)
+        if config.dt is not None and abs(channel.dt - config.dt) > 1e-6 * config.dt:
+            raise RecordError(
+                f"{location}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` "
+                f"{config.dt:g} s; remove `dt`",
+                "dt",
+            )
     factors = np.array([_factor(channel, config, location) for channel in channels])
-    recorded = align(channels, config.align, location) * factors[:, None]
-    remarks = _recorded_warnings(channels, axes, recorded, source)
-    offset = find_offset(recorded, channels[0].dt)
+    recorded = align(channels, config.align, location) * factors[:, None]  # (k, nt) [m/s2]
+    dt = channels[0].dt
+
+    warnings = [*left_out, *(text for channel in channels for text in channel.warnings)]
+    warnings += [*said_of_axes(axes, config), *said_of_channels(channels), *said_of_starts(channels)]
+    sizes = [channel.data.size for channel in channels]
+    if max(sizes) != recorded.shape[1]:
+        kept_samples = f"`align: {config.align}` keeps {recorded.shape[1]} of them"
+        warnings.append(f"the channels have {sizes} samples; {kept_samples}")
+    if config.unit is not None:  # the file's unit may be another by the last digits: 9.81 and 9.80665
+        declared = unit_in_si(config.unit)
+        for unit in dict.fromkeys(channel.unit for channel in channels if channel.unit):
+            if abs(unit_in_si(unit) - declared) > 1e-9 * declared:
+                said = f"the file says {unit} ({unit_in_si(unit):g} m/s2), `unit` {config.unit} counts"
+                warnings.append(said)
+    warnings += too_strong(recorded, location)
+
+    offset = find_offset(recorded, dt)
     recorded = recorded - offset[:, None]
-    signal = _corrected(recorded, channels, config, location)
+    for channel, constant, rest in zip(channels, offset, np.max(np.abs(recorded), axis=-1), strict=True):
+        if constant:
+            warnings.append(
+                f"channel {channel.code}: a constant of {constant:.3g} m/s2 was subtracted, the offset of "
+                f"its recorder; the peak of the rest is {rest:.3g} m/s2"
+            )
+    magnitudes = (channel.meta.get("magnitude") for channel in channels)
+    magnitude = next((value for value in magnitudes if isinstance(value, float) and value > 0.0), None)
+    try:
+        signal = correct(recorded, dt, config.correction, magnitude)
+        if config.correction:
+            names = [f"channel {channel.code}" for channel in channels]
+            refuse_lost_motion(recorded, signal.acc, dt, names)
+    except RecordError as error:
+        raise RecordError(f"{location}: {error}") from None
+    highpass, usable = signal.corners[0], _lowest_usable(channels)
+    if highpass is not None and highpass < usable:
+        warnings.append(
+            f"the high-pass corner of {highpass:g} Hz lies below the record's lowest usable frequency of "
+            f"{usable:g} Hz; below that there is no signal to keep"
+        )
+    warnings += signal.warnings
+
     matrix = _matrix(axes, channels, config, location)
     acc = matrix @ signal.acc
     kept = moving_samples(acc, signal.dt, signal.before, signal.after)
     pads = max(0, signal.before - kept.start), max(0, kept.stop - acc.shape[1] + signal.after)
     acc = acc[:, kept]
-    drifts = doubt_drift(acc, signal.dt)
-    if drifts and (config.scale_to_measure or config.keep):
-        raise RecordError(f"{location}: {drifts}")
+    if drifts := doubt_drift(acc, signal.dt):
+        if config.scale_to_measure or config.keep:
+            raise RecordError(f"{location}: {drifts}")
+        warnings.append(drifts)
     scale, scaled_to = _scale(acc, signal.dt, config.scale, location)
     if not np.all(np.isfinite(scale * acc)):
         raise RecordError(f"{location}: correction and scale make values that are not finite; change them")
-    warnings = (*left_out, *remarks, *_subtracted(channels, offset, recorded))
-    warnings += (*_below_usable(channels, signal), *signal.warnings, *([drifts] if drifts else []))
     if costs := doubt_pads(acc.shape[1], *pads, signal.dt):
-        warnings += (costs,)
+        warnings.append(costs)
     if config.correction:
         warnings += changed_measures(matrix @ recorded, acc, signal.dt, AXES)
     else:
         warnings += check_processed(recorded, signal.dt)
-    warnings += _vertical_rules(scale * acc, config.scale)
-    provenance = _provenance(source, channels, factors, matrix, offset) | _done(signal, pads, config)
-    factor = scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist()
-    provenance |= {"scale": factor, "scaled_to": scaled_to}
-    return GroundMotion(source.name, scale * acc, signal.dt, provenance, warnings)
+    peaks = np.max(np.abs(scale * acc), axis=-1)
+    nobody_says_of = config.scale is not None and "of" not in config.scale.model_fields_set
+    if scaled_to and nobody_says_of and peaks[2] > np.max(peaks[:2]) > 0.0:
+        warnings.append(
+            "scale: of the largest of x, y, z, and z is the largest; say of: larger_horizontal, or largest"
+        )
+    provenance = _provenance(source, channels, factors, matrix, offset) | {
+        "dt_recorded_s": signal.dt,
+        "x_azimuth_deg": config.x_azimuth,
+        "correction": list(signal.log),
+        "pad_before_s": pads[0] * signal.dt,
+        "pad_after_s": pads[1] * signal.dt,
+        "resampling": config.resampling,
+        "scale": scale.item(0) if np.all(scale == scale[0]) else scale.ravel().tolist(),
+        "scaled_to": scaled_to,
+    }
+    return GroundMotion(source.name, scale * acc, signal.dt, provenance, tuple(warnings))
+
+
+def _lowest_usable(channels: list[Channel]) -> float:
+    """Lowest frequency [Hz] that the processing of all channels left, as their files state it; 0 unknown."""
+    limits = [0.0]
+    for channel in channels:
+        stated, corner = channel.meta.get("lowest_usable_hz"), channel.meta.get("hp_corner_hz")
+        if isinstance(stated, float):
+            limits.append(stated)
+        elif isinstance(corner, float) and corner > 0.0:
+            limits.append(PEER_USABLE * corner)
+    return max(limits)
 
 
 def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
@@ -119,8 +183,7 @@ def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
             if stated is not None and stated != where:
                 raise RecordError(
                     f"{location}, channel {channel.code}: the file says {stated}, `azimuths` {where}; "
-                    "remove it "
-                    "from `azimuths`",
+                    "remove it from `azimuths`",
                     "azimuths",
                 )
             channel = replace(channel, orientation=where)
@@ -128,51 +191,7 @@ def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
     return channels, tuple(left_out)
 
 
-def _recorded_warnings(
-    channels: list[Channel], axes: dict[str, Channel], recorded: NDArray[np.float64], source: Recorded
-) -> tuple[str, ...]:
-    """Warnings about a record before anything is done to it, (k, nt) [m/s2]."""
-    return (
-        *(text for channel in channels for text in channel.warnings),
-        *said_of_axes(axes, source.config),
-        *said_of_channels(channels),
-        *said_of_starts(channels),
-        *_cut(channels, recorded, source.config),
-        *_overridden(channels, source.config),
-        *too_strong(recorded, source.location),
-    )
-
-
-def _corrected(
-    recorded: NDArray[np.float64], channels: list[Channel], config: RecordConfig, location: str
-) -> Signal:
-    dt = channels[0].dt
-    magnitudes = (channel.meta.get("magnitude") for channel in channels)
-    magnitude = next((value for value in magnitudes if isinstance(value, float) and value > 0.0), None)
-    try:
-        signal = correct(recorded, dt, config.correction, magnitude)
-        if config.correction:
-            names = [f"channel {channel.code}" for channel in channels]
-            refuse_lost_motion(recorded, signal.acc, dt, names)
-    except RecordError as error:
-        raise RecordError(f"{location}: {error}") from None
-    return signal
-
-
-def _subtracted(
-    channels: list[Channel], offset: NDArray[np.float64], rest: NDArray[np.float64]
-) -> tuple[str, ...]:
-    """Say which channels lost the constant that their recorder had added, and how large it was."""
-    peak = np.max(np.abs(rest), axis=-1)
-    return tuple(
-        f"channel {channel.code}: a constant of {offset[row]:.3g} m/s2 was subtracted, the offset of its "
-        f"recorder; the peak of the rest is {peak[row]:.3g} m/s2"
-        for row, channel in enumerate(channels)
-        if offset[row]
-    )
-
-
-def _filled(channel: Channel, config: RecordConfig, location: str) -> Channel:
+def _filled(channel: Channel, config: RecordConfig) -> Channel:
     """Fill missing samples as `gaps` says; without a policy `check_channel` refuses them."""
     gone = missing(channel.data)
     if config.gaps == "error" or not gone.any() or gone.all():
@@ -185,15 +204,6 @@ def _filled(channel: Channel, config: RecordConfig, location: str) -> Channel:
     return replace(
         channel, data=np.where(gone, line, channel.data), meta=meta, warnings=(*channel.warnings, said)
     )
-
-
-def _check_dt(channel: Channel, config: RecordConfig, location: str) -> None:
-    if config.dt is not None and abs(channel.dt - config.dt) > 1e-6 * config.dt:
-        raise RecordError(
-            f"{location}, channel {channel.code}: the file says dt = {channel.dt:g} s, `dt` {config.dt:g} s; "
-            "remove `dt`",
-            "dt",
-        )
 
 
 def _factor(channel: Channel, config: RecordConfig, location: str) -> float:
@@ -209,8 +219,7 @@ def _factor(channel: Channel, config: RecordConfig, location: str) -> float:
     except ValueError:
         raise RecordError(
             f"{location}, channel {channel.code}: the file says {quote(channel.unit)}, no unit of "
-            "acceleration; "
-            "take the acceleration"
+            "acceleration; take the acceleration"
         ) from None
     if config.unit is None:
         assert stated is not None
@@ -230,7 +239,14 @@ def _matrix(
 ) -> NDArray[np.float64]:
     """(3, k) from channels to x, y, z."""
     if not axes:
-        where = [_known(channel, location) for channel in channels]
+        where = []
+        for channel in channels:
+            if channel.orientation is None:
+                raise RecordError(
+                    f"{location}, channel {channel.code}: the file does not say its azimuth; give it, "
+                    f"`azimuths: {{{channel.code}: 90 deg, ...}}`, or name the axes under `components`"
+                )
+            where.append(channel.orientation)
         return rotation(where, float(config.x_azimuth or 0.0), location)
     matrix = np.zeros((3, len(channels)))
     for column, axis in enumerate(axes):
@@ -238,15 +254,6 @@ def _matrix(
         reverse = component is not None and component.reverse
         matrix[AXES.index(axis), column] = -1.0 if reverse else 1.0
     return matrix
-
-
-def _known(channel: Channel, location: str) -> Orientation:
-    if channel.orientation is None:
-        raise RecordError(
-            f"{location}, channel {channel.code}: the file does not say its azimuth; "
-            f"give it, `azimuths: {{{channel.code}: 90 deg, ...}}`, or name the axes under `components`"
-        )
-    return channel.orientation
 
 
 def _scale(
@@ -273,54 +280,6 @@ def _scale(
     return factors * (wanted / has), f"{name} of the {NAMED[scale.of]} is {wanted:g} m/s2"
 
 
-def _vertical_rules(acc: NDArray[np.float64], scale: ScaleConfig | None) -> tuple[str, ...]:
-    """Say where nobody wrote that the vertical component counts, and it decides the factor."""
-    if scale is None or (scale.pga is None and scale.sa is None) or "of" in scale.model_fields_set:
-        return ()
-    peaks = np.max(np.abs(acc), axis=-1)
-    if not peaks[2] > np.max(peaks[:2]) > 0.0:
-        return ()
-    return ("scale: of the largest of x, y, z, and z is the largest; say of: larger_horizontal, or largest",)
-
-
-def _cut(channels: list[Channel], recorded: NDArray[np.float64], config: RecordConfig) -> tuple[str, ...]:
-    sizes = [channel.data.size for channel in channels]
-    if max(sizes) == recorded.shape[1]:
-        return ()
-    return (f"the channels have {sizes} samples; `align: {config.align}` keeps {recorded.shape[1]} of them",)
-
-
-def _overridden(channels: list[Channel], config: RecordConfig) -> tuple[str, ...]:
-    """Say where `unit` counts and the file's own is another by the last digits (9.81 and 9.80665)."""
-    if config.unit is None:
-        return ()
-    declared = unit_in_si(config.unit)
-    others = [c.unit for c in channels if c.unit and abs(unit_in_si(c.unit) - declared) > 1e-9 * declared]
-    return tuple(
-        f"the file says {unit} ({unit_in_si(unit):g} m/s2), `unit` {config.unit} counts"
-        for unit in dict.fromkeys(others)
-    )
-
-
-def _below_usable(channels: list[Channel], signal: Signal) -> tuple[str, ...]:
-    """Warn of a high-pass below what the record's own processing left."""
-    highpass = signal.corners[0]
-    limits = [usable for channel in channels if (usable := _lowest_usable(channel)) is not None]
-    if highpass is None or not limits or highpass >= max(limits):
-        return ()
-    return (
-        f"the high-pass corner of {highpass:g} Hz lies below the record's lowest usable frequency of "
-        f"{max(limits):g} Hz; below that there is no signal to keep",
-    )
-
-
-def _lowest_usable(channel: Channel) -> float | None:
-    stated, corner = channel.meta.get("lowest_usable_hz"), channel.meta.get("hp_corner_hz")
-    if isinstance(stated, float):
-        return stated
-    return PEER_USABLE * corner if isinstance(corner, float) and corner > 0.0 else None
-
-
 def _provenance(
     source: Recorded,
     channels: list[Channel],
@@ -328,7 +287,7 @@ def _provenance(
     matrix: NDArray[np.float64],
     offset: NDArray[np.float64],
 ) -> dict[str, object]:
-    """Account for the source of the motion."""
+    """Where the motion comes from: its files, and what was recorded in each channel."""
     return {
         "place": source.location,
         "files": dict(source.files),
@@ -347,16 +306,4 @@ def _provenance(
             for channel, factor, constant in zip(channels, factors, offset, strict=True)
         ],
         "to_axes": matrix.tolist(),
-    }
-
-
-def _done(signal: Signal, pads: tuple[int, int], config: RecordConfig) -> dict[str, object]:
-    """Account for what was done to the motion."""
-    return {
-        "dt_recorded_s": signal.dt,
-        "x_azimuth_deg": config.x_azimuth,
-        "correction": list(signal.log),
-        "pad_before_s": pads[0] * signal.dt,
-        "pad_after_s": pads[1] * signal.dt,
-        "resampling": config.resampling,
     }

@@ -107,9 +107,9 @@ def parse_orientation(text: str) -> Orientation | None:
     if _AZIMUTH.fullmatch(word) and float(word) <= 360.0:
         return Orientation(float(word) % 360.0)
     if match := re.fullmatch(r"([NS])(\d{1,2}(?:\.\d+)?)([EW])", word):
-        return (
-            Orientation(_quadrant(match[1], float(match[2]), match[3])) if float(match[2]) <= 90.0 else None
-        )
+        origin, angle = (0.0 if match[1] == "N" else 180.0), float(match[2])
+        clockwise = (match[1] == "N") == (match[3] == "E")
+        return Orientation((origin + (angle if clockwise else -angle)) % 360.0) if angle <= 90.0 else None
     stem = re.sub(r"[12]$", "", word)  # KiK-net: EW1 down the hole, EW2 at the surface
     if stem in _PAIRS:
         return Orientation(_PAIRS[stem])
@@ -120,12 +120,6 @@ def parse_orientation(text: str) -> Orientation | None:
     if match := _SEED.fullmatch(word):
         return Orientation(None, 1) if match[1] == "Z" else Orientation(_DIRECTIONS[match[1]])
     return None
-
-
-def _quadrant(origin: str, angle: float, towards: str) -> float:
-    base = 0.0 if origin == "N" else 180.0
-    clockwise = (origin == "N") == (towards == "E")
-    return (base + (angle if clockwise else -angle)) % 360.0
 
 
 def check_channel(channel: Channel, where: str) -> None:

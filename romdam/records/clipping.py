@@ -27,12 +27,7 @@ MOST_JERKS = 35  # the 100 components have up to 25, those of gmprocess' test se
 
 def clipping(data: Array) -> str:
     """Say why samples (nt,) look clipped; "" where they do not."""
-    return _at_extreme(data) or _flat_tops(data) or _jumps(data)
-
-
-def _at_extreme(data: Array) -> str:
-    """Many samples at the largest or the least value exactly."""
-    for extreme in (np.max(data), np.min(data)):
+    for extreme in (np.max(data), np.min(data)):  # many samples at the largest or the least value exactly
         if abs(extreme) < 0.5 * np.max(np.abs(data)) or extreme == 0.0:
             continue
         run, times = longest_run(data == extreme), np.count_nonzero(data == extreme)
@@ -40,37 +35,26 @@ def _at_extreme(data: Array) -> str:
             return f"{run} samples in a row at {extreme:g} (limit {SAME - 1})"
         if times >= 2 * SAME and np.unique(data).size > FINE:
             return f"{times} samples are at {extreme:g} and none beyond"
-    return ""
 
+    around_median = data - np.median(data)
+    strong = np.flatnonzero(np.abs(around_median) >= STRONG * np.max(np.abs(around_median)))
+    motion = around_median[strong[0] : strong[-1] + 1]
 
-def _strong(data: Array) -> Array:
-    around = data - np.median(data)
-    strong = np.flatnonzero(np.abs(around) >= STRONG * np.max(np.abs(around)))
-    return around[strong[0] : strong[-1] + 1]
+    # neighbourhoods that hardly move near the extremes, as those of a sensor at its stop (`std_dev`)
+    centred = motion - np.mean(motion)
+    peak = np.max(np.abs(centred))
+    if motion.size > NEIGHBOURS and peak > 0.0:
+        around = np.lib.stride_tricks.sliding_window_view(centred / peak, NEIGHBOURS)
+        near = (around[:, 0] >= TOP * np.max(around)) | (around[:, 0] <= TOP * np.min(around))
+        tops = around[near]
+        flat = int(np.count_nonzero(np.std(tops, axis=1) < FLAT))
+        if flat > max(MOST_FLAT[0], MOST_FLAT[1] * len(tops)):
+            return (
+                f"{flat} of the {len(tops)} samples beyond {100 * TOP:g} % of the extremes hardly move "
+                f"(limit {100 * MOST_FLAT[1]:g} %)"
+            )
 
-
-def _flat_tops(data: Array) -> str:
-    """Neighbourhoods that hardly move near the extremes, as those of a sensor at its stop (`std_dev`)."""
-    motion = _strong(data)
-    motion = motion - np.mean(motion)
-    peak = np.max(np.abs(motion))
-    if motion.size <= NEIGHBOURS or peak <= 0.0:
-        return ""
-    around = np.lib.stride_tricks.sliding_window_view(motion / peak, NEIGHBOURS)
-    near = (around[:, 0] >= TOP * np.max(around)) | (around[:, 0] <= TOP * np.min(around))
-    tops = around[near]
-    flat = int(np.count_nonzero(np.std(tops, axis=1) < FLAT))
-    if flat <= max(MOST_FLAT[0], MOST_FLAT[1] * len(tops)):
-        return ""
-    return (
-        f"{flat} of the {len(tops)} samples beyond {100 * TOP:g} % of the extremes hardly move "
-        f"(limit {100 * MOST_FLAT[1]:g} %)"
-    )
-
-
-def _jumps(data: Array) -> str:
-    """Steps across most of the range (`ping`), and bends far beyond the usual (`jerk`)."""
-    motion = _strong(data)
+    # steps across most of the range (`ping`), and bends far beyond the usual (`jerk`)
     if motion.size <= FINE or np.unique(motion).size <= FINE:
         return ""
     step = float(np.max(np.abs(np.diff(motion))) / np.ptp(motion))

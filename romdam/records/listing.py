@@ -41,6 +41,17 @@ HEADINGS = (
 )
 
 
+TARGET_HEADINGS = ("record", "scale factor", "misfit [ln]", "target")
+_KEYS = {  # measure -> key with its unit
+    "pga": "pga_m_s2",
+    "pgv": "pgv_m_s",
+    "pgd": "pgd_m",
+    "arias": "arias_m_s",
+    "cav": "cav_m_s",
+    "d5_95": "d5_95_s",
+}
+
+
 @dataclass(frozen=True)
 class Listed:
     """One record of a list.
@@ -64,6 +75,16 @@ class Listed:
     error: str = ""
     no_source: bool = False
 
+    @property
+    def passed_over(self) -> bool:
+        """Whether the record can be used, and its target passes it over."""
+        return self.motion is None and self.candidate is not None and bool(self.candidate.why)
+
+    @property
+    def scaled_to(self) -> str:
+        """What the scale brings the record to; "" where it says nothing."""
+        return str(self.motion.provenance.get("scaled_to", "")) if self.motion else ""
+
 
 def list_records(
     sources: Sequence[str], common: RecordConfig | Mapping[str, object] | None = None
@@ -86,7 +107,13 @@ def list_records(
         if is_component(path):
             with suppress(RecordError):
                 seen |= set(files_of_record(path)[1])
-        rows += _of_source(source, common)
+        try:
+            entries = list(_entries(source, common))
+        except (RecordError, ConfigError) as error:
+            rows.append(Listed(source, error=str(error), no_source=True))
+            continue
+        for entry, entry_folder in entries:
+            rows += _load(entry, entry_folder)
     return rows
 
 
@@ -115,34 +142,26 @@ def read_settings(path: Path | None, select: int | None) -> dict[str, object]:
     return settings
 
 
-def _of_source(source: str, common: RecordConfig | Mapping[str, object] | None) -> Iterator[Listed]:
-    try:
-        entries = list(_entries(source, common))
-    except (RecordError, ConfigError) as error:
-        yield Listed(source, error=str(error), no_source=True)
-        return
-    for entry, folder in entries:
-        yield from _load(entry, folder)
-
-
-def _settings(common: RecordConfig | Mapping[str, object] | None) -> dict[str, object]:
-    """Settings of every record of a source: where nothing is said, each channel is a motion along y."""
-    if isinstance(common, RecordConfig):
-        common = common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
-    settings = dict(common or {})
-    named = "components" in settings or "x_azimuth" in settings
-    return settings if named else settings | {"components": {"y": EACH}}
-
-
 def _entries(
     source: str, common: RecordConfig | Mapping[str, object] | None
 ) -> Iterator[tuple[RecordConfig, Path]]:
+    """The entries of `records:` that a source stands for, each with the folder where its paths start."""
     from romdam.config.load import load_config
 
-    settings, path = _settings(common), Path(source)
+    if isinstance(common, RecordConfig):
+        common = common.model_dump(exclude_unset=True, exclude={"file", "files", "manifest", "suite"})
+    settings = dict(common or {})
+    if "components" not in settings and "x_azimuth" not in settings:
+        settings["components"] = {"y": EACH}  # where nothing is said, each channel is a motion along y
+    path = Path(source)
+    is_plain_record = False  # a CSV file that holds samples, not one that lists records
+    if path.suffix.lower() == ".csv":
+        with suppress(RecordError):
+            head = decode(read_bytes(path, HEAD))
+            is_plain_record = is_columns(head) or first_row(head) is not None
     if source in SETS:
         yield read_entry(settings | {"suite": source}, source), Path()
-    elif path.suffix.lower() not in (".yaml", ".yml", ".csv") or _is_plain_record(path):
+    elif path.suffix.lower() not in (".yaml", ".yml", ".csv") or is_plain_record:
         is_file = any(file.exists() for file in files_of_record(path)[1]) and not path.is_dir()
         if not is_file and not matching_files(path):
             raise RecordError(f"{source}: no such file, folder, pattern or P-695 set ({', '.join(SETS)})")
@@ -158,46 +177,30 @@ def _entries(
         yield from ((entry, job.folder) for entry in job.config.records)
 
 
-def _is_plain_record(path: Path) -> bool:
-    """Tell a CSV file that holds samples from one that lists records."""
-    if path.suffix.lower() != ".csv":
-        return False
-    try:
-        head = decode(read_bytes(path, HEAD))
-    except RecordError:
-        return False
-    return is_columns(head) or first_row(head) is not None
-
-
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
-    raw = _before(entry, folder)
+    """The records of an entry, each with its motion before it was matched, or corrected where none is."""
+    before: dict[str, GroundMotion | None] = {}
+    if entry.correction or entry.match:
+        undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}
+        undone |= {} if entry.match else {"correction": ()}
+        undone |= {"scale": None} if entry.target else {}
+        unchanged = entry.model_copy(update=undone)
+        before = {record.name: record.motion for record in load_records([unchanged], folder)}
     every: list[Loaded] = []
     passing = load_records(
         [entry], folder, lambda record: None if record.passes else every.append(record), ""
     )
     every += passing
-    of = _named_measure(entry)
+    of = ""
+    if entry.target:
+        of = entry.target.of
+    elif entry.scale is not None and (entry.scale.pga or entry.scale.sa):
+        of = entry.scale.of
     for record in every:
-        recorded = raw.get(record.name)
+        recorded = before.get(record.name)
         if recorded is not None and record.candidate is not None:
             recorded = replace(recorded, acc=record.candidate.factor * recorded.acc)
         yield Listed(record.name, record.motion, recorded, of, record.candidate, str(record.error or ""))
-
-
-def _before(entry: RecordConfig, folder: Path) -> dict[str, GroundMotion | None]:
-    """The records before they are matched, or corrected where none is; none where neither is done."""
-    if not (entry.correction or entry.match):
-        return {}
-    undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}
-    undone |= {} if entry.match else {"correction": ()}
-    undone |= {"scale": None} if entry.target else {}
-    return {record.name: record.motion for record in load_records([entry.model_copy(update=undone)], folder)}
-
-
-def _named_measure(entry: RecordConfig) -> str:
-    scale = entry.scale
-    scaled = scale.of if scale is not None and (scale.pga or scale.sa) else ""
-    return entry.target.of if entry.target else scaled
 
 
 def format_table(listed: Sequence[Listed]) -> str:
@@ -206,68 +209,80 @@ def format_table(listed: Sequence[Listed]) -> str:
     What failed is counted; `failures` has the messages.
     """
     read = [record for record in listed if record.motion is not None]
-    passed, failed = _passed_over(listed), failures(listed)
-    lines = _aligned([HEADINGS, *(row for record in read for row in _rows(record))], (0, 1, 2))
+    rows: list[tuple[str, ...]] = [HEADINGS]
+    warnings = []
+    for record in read:
+        motion = record.motion
+        assert motion is not None
+        moves = _moving(motion)
+        target = motion.provenance.get("target")
+        matched = target.get("matched") if isinstance(target, dict) else None
+        for axis in moves:
+            rows.append(_row(record.name, motion, axis))
+            if isinstance(matched, dict) and axis in matched and record.recorded is not None:
+                rows.append(_row(record.name, record.recorded, axis, ", scaled alone"))
+        if record.of and record.of not in AXES and len(moves) > 1:
+            rows.append(_row(record.name, motion, record.of))
+        warnings += [f"warning: {record.name}: {text}" for text in motion.warnings]
+    lines = _aligned(rows, (0, 1, 2))
     if any(record.candidate for record in listed):
-        lines += ["", *_aligned([TARGET_HEADINGS, *map(_candidate_row, (*read, *passed))], (0, 3))]
+        table: list[tuple[str, ...]] = [TARGET_HEADINGS]
+        for record in (*read, *(record for record in listed if record.passed_over)):
+            if candidate := record.candidate:
+                about = candidate.why or f"of {NAMED[record.of]}"
+                numbers = f"{candidate.factor:.3f}", f"{candidate.misfit:.3f}"
+                table.append((record.name, *numbers, about))
+            else:
+                table.append((record.name, "", "", ""))
+        lines += ["", *_aligned(table, (0, 3))]
+    failed = failures(listed)
     counted = f"{len(read)} record{'s' * (len(read) != 1)}"
     lines += ["", counted + (f", {len(failed)} failed" if failed else "")]
-    lines += [f"scaled: {text}" for text in dict.fromkeys(map(_scaled_to, read)) if text]
-    lines += [
-        f"warning: {record.name}: {text}"
-        for record in read
-        if record.motion
-        for text in record.motion.warnings
-    ]
-    return "\n".join(lines)
-
-
-def _passed_over(listed: Sequence[Listed]) -> list[Listed]:
-    return [
-        record
-        for record in listed
-        if record.motion is None and record.candidate is not None and record.candidate.why
-    ]
+    lines += [f"scaled: {text}" for text in dict.fromkeys(record.scaled_to for record in read) if text]
+    return "\n".join([*lines, *warnings])
 
 
 def failures(listed: Sequence[Listed]) -> dict[str, str]:
     """Name -> why it could not be read."""
-    passed = _passed_over(listed)
-    return {record.name: record.error for record in listed if record.motion is None and record not in passed}
-
-
-TARGET_HEADINGS = ("record", "scale factor", "misfit [ln]", "target")
+    return {
+        record.name: record.error for record in listed if record.motion is None and not record.passed_over
+    }
 
 
 def as_document(listed: Sequence[Listed]) -> dict[str, object]:
     """The list as plain values, whose keys have units."""
+    read: list[dict[str, object]] = []
+    for record in listed:
+        motion = record.motion
+        if motion is None:
+            continue
+        components = {}
+        for axis in _moving(motion):
+            values = _measures(motion, axis)
+            measured = {key: values[name] for name, key in _KEYS.items()}
+            components[axis] = {"channel": _channel(motion, axis)} | measured
+        read.append(
+            {
+                "name": record.name,
+                "dt_s": motion.dt,
+                "duration_s": motion.duration,
+                "components": components,
+                "scale_factor": motion.provenance.get("scale"),
+                "scaled_to": record.scaled_to or None,
+                "target": _candidate_values(record) if record.candidate else None,
+                "warnings": list(motion.warnings),
+            }
+        )
+    passed = [record for record in listed if record.passed_over]
     return {
-        "records": [_plain(record) for record in listed if record.motion is not None],
-        "passed_over": [_plain_candidate(record) | {"name": record.name} for record in _passed_over(listed)],
+        "records": read,
+        "passed_over": [_candidate_values(record) | {"name": record.name} for record in passed],
         "failed": failures(listed),
     }
 
 
-def _plain(listed: Listed) -> dict[str, object]:
-    motion = listed.motion
-    assert motion is not None
-    return {
-        "name": listed.name,
-        "dt_s": motion.dt,
-        "duration_s": motion.duration,
-        "components": {
-            axis: {"channel": _channel(motion, axis)}
-            | {_KEYS[name]: value for name, value in _measures(motion, axis).items() if name in _KEYS}
-            for axis in _moving(motion)
-        },
-        "scale_factor": motion.provenance.get("scale"),
-        "scaled_to": _scaled_to(listed) or None,
-        "target": _plain_candidate(listed) if listed.candidate else None,
-        "warnings": list(motion.warnings),
-    }
-
-
-def _plain_candidate(listed: Listed) -> dict[str, object]:
+def _candidate_values(listed: Listed) -> dict[str, object]:
+    """How a record stands to its target, as plain values."""
     candidate = listed.candidate
     assert candidate is not None
     return {
@@ -290,33 +305,20 @@ def _aligned(rows: Sequence[tuple[str, ...]], texts: tuple[int, ...]) -> list[st
     ]
 
 
-def _rows(listed: Listed) -> Iterator[tuple[str, ...]]:
-    """The measures of each component that moves, as recorded too where it was matched, and of `of`."""
-    motion = listed.motion
-    assert motion is not None
-    moves = _moving(motion)
-    about = motion.provenance.get("target")
-    matched = about.get("matched") if isinstance(about, dict) else None
-    for axis in moves:
-        yield _row(listed.name, motion, axis)
-        if isinstance(matched, dict) and axis in matched and listed.recorded is not None:
-            yield _row(listed.name, listed.recorded, axis, ", scaled alone")
-    if listed.of and listed.of not in AXES and len(moves) > 1:
-        yield _row(listed.name, motion, listed.of)
-
-
 def _moving(motion: GroundMotion) -> list[str]:
     """Axes along which it shakes, one where it does not."""
     return [axis for axis, row in zip(AXES, motion.acc, strict=True) if np.any(row != 0.0)] or ["x"]
 
 
 def _measures(motion: GroundMotion, of: str) -> dict[str, float]:
+    """Measures of what `of` names of the components; zeros where the record does not move."""
     if not np.any(motion.acc != 0.0):
         return dict.fromkeys(_KEYS, 0.0)
     return measures(motion.acc, motion.dt, of)
 
 
 def _row(name: str, motion: GroundMotion, of: str, about: str = "") -> tuple[str, ...]:
+    """Cells under `HEADINGS`."""
     has = _measures(motion, of)
     return (
         name,
@@ -330,16 +332,6 @@ def _row(name: str, motion: GroundMotion, of: str, about: str = "") -> tuple[str
     )
 
 
-_KEYS = {  # measure -> key with its unit
-    "pga": "pga_m_s2",
-    "pgv": "pgv_m_s",
-    "pgd": "pgd_m",
-    "arias": "arias_m_s",
-    "cav": "cav_m_s",
-    "d5_95": "d5_95_s",
-}
-
-
 def _channel(motion: GroundMotion, axis: str) -> str:
     """Codes of the channels that a component is made of."""
     matrix, channels = motion.provenance.get("to_axes"), motion.provenance.get("channels")
@@ -349,15 +341,3 @@ def _channel(motion: GroundMotion, axis: str) -> str:
     return "+".join(
         channel["code"] for channel, share in zip(channels, row, strict=True) if abs(share) > 1e-9
     )
-
-
-def _candidate_row(listed: Listed) -> tuple[str, ...]:
-    candidate = listed.candidate
-    if candidate is None:
-        return (listed.name, "", "", "")
-    about = candidate.why or f"of {NAMED[listed.of]}"
-    return (listed.name, f"{candidate.factor:.3f}", f"{candidate.misfit:.3f}", about)
-
-
-def _scaled_to(listed: Listed) -> str:
-    return str(listed.motion.provenance.get("scaled_to", "")) if listed.motion else ""

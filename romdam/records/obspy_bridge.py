@@ -72,7 +72,12 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
     for trace in stream:
         if "sac" in trace.stats:
             _check_sac(trace, path, response is not None)
-    said += _odd_parts(stream, path)
+    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
+        said.append("the file ends within a record of miniSEED; it is cut short")
+    by_time = sorted(stream, key=lambda trace: trace.stats.starttime)
+    for early, late in itertools.pairwise(by_time):
+        if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
+            said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
     channels = [channel_of(trace, response is not None) for trace in stream]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
 
@@ -124,18 +129,6 @@ def _merge(stream: Stream, path: Path) -> list[str]:
     return said
 
 
-def _odd_parts(stream: Stream, path: Path) -> list[str]:
-    """Say where a file is cut, or one channel may have two names."""
-    said = []
-    if "mseed" in stream[0].stats and path.stat().st_size % stream[0].stats.mseed.record_length:
-        said.append("the file ends within a record of miniSEED; it is cut short")
-    by_time = sorted(stream, key=lambda trace: trace.stats.starttime)
-    for early, late in itertools.pairwise(by_time):
-        if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
-            said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
-    return said
-
-
 def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
     """The traces of a file, and what ObsPy warns of: samples that fail a check, records that were skipped."""
     import obspy
@@ -143,14 +136,23 @@ def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
     head = read_bytes(path, 100)
     if b"obspy.core.stream" in head:
         raise RecordError(f"{path}: line 1: a Python pickle, which runs code when read; save it as miniSEED")
-    if head.startswith(CRASHING):
-        _try_in_child(path)
+    pattern = glob.escape(str(path.resolve()))
+    if head.startswith(CRASHING):  # damaged GSE files crash ObsPy's decompressor: try in another process
+        command = [sys.executable, "-c", "import sys, obspy; obspy.read(sys.argv[1])", pattern]
+        try:
+            done = subprocess.run(command, capture_output=True, timeout=60, check=False)
+        except subprocess.TimeoutExpired:
+            raise RecordError(
+                f"{path}: line 1: reading it takes more than 60 s; the file is damaged"
+            ) from None
+        if done.returncode != 0:
+            raise RecordError(f"{path}: line 1: ObsPy cannot read it; the file is damaged, fetch it again")
     # a time window, however wide, makes ObsPy return an empty stream where it else raises a bare Exception
     always = obspy.UTCDateTime(2500, 1, 1)
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            stream = obspy.read(glob.escape(str(path.resolve())), check_compression=False, endtime=always)
+            stream = obspy.read(pattern, check_compression=False, endtime=always)
     except _obspy_errors() as error:
         if "Unknown format" in str(error):
             raise UnknownFormatError(f"{path}: line 1: not a record of any known format") from None
@@ -160,22 +162,6 @@ def _obspy_read(path: Path) -> tuple[Stream, list[str]]:
         raise RecordError(f"{path}: line 1: no trace in it; the file is cut short")
     said = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
     return stream, [f"ObsPy: {' '.join(text.split())[:200]}" for text in dict.fromkeys(said)]
-
-
-def _try_in_child(path: Path) -> None:
-    """Read a file in a process of its own first: damaged GSE files crash ObsPy's decompressor."""
-    command = [
-        sys.executable,
-        "-c",
-        "import sys, obspy; obspy.read(sys.argv[1])",
-        glob.escape(str(path.resolve())),
-    ]
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=60, check=False)
-    except subprocess.TimeoutExpired:
-        raise RecordError(f"{path}: line 1: reading it takes more than 60 s; the file is damaged") from None
-    if done.returncode != 0:
-        raise RecordError(f"{path}: line 1: ObsPy cannot read it; the file is damaged, fetch it again")
 
 
 def _obspy_errors() -> tuple[type[Exception], ...]:
@@ -204,6 +190,7 @@ def _obspy_errors() -> tuple[type[Exception], ...]:
 
 
 def _remove_response(stream: Stream, path: Path, response: Path) -> None:
+    """Turn counts into m/s2 by an inventory, which also states where each channel points."""
     import obspy
     from obspy.core.util.obspy_types import ObsPyException
 
@@ -214,9 +201,8 @@ def _remove_response(stream: Stream, path: Path, response: Path) -> None:
             # 0.01 Hz and 90 % of Nyquist: outside, dividing by the response only amplifies noise
             nyquist = 0.5 * trace.stats.sampling_rate
             band = (0.005, 0.01, 0.9 * nyquist, nyquist)
-            why = (
-                clipping(np.asarray(trace.data, dtype=np.float64)) if np.all(np.isfinite(trace.data)) else ""
-            )
+            data = np.asarray(trace.data, dtype=np.float64)
+            why = clipping(data) if np.all(np.isfinite(data)) else ""
             trace.remove_response(inventory, output="ACC", pre_filt=band, zero_mean=True, taper=True)
             where = inventory.get_orientation(trace.id, trace.stats.starttime)
             trace.stats.romdam = {"azimuth": where["azimuth"], "dip": where["dip"], "clipped": why}
@@ -270,29 +256,24 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
     if np.ma.isMaskedArray(trace.data):
         data = np.where(np.ma.getmaskarray(trace.data), np.nan, data)
     code = stats.channel or "1"
-    said = [] if in_si or "knet" in stats else _unused_calibration(float(stats.calib), code)
-    where, by_code = _where(trace), parse_orientation(code)
+    said = []
+    if not in_si and "knet" not in stats and float(stats.calib) not in (0.0, 1.0):
+        factor = f"the header's factor {float(stats.calib):g} is not applied"
+        said.append(f"channel {code}: {factor}, `unit` is that of raw values")
+    sac = stats.get("sac", {})
+    azimuth, dip = extra.get("azimuth"), extra.get("dip")
+    if azimuth is None and "cmpaz" in sac and "cmpinc" in sac:
+        azimuth, dip = float(sac["cmpaz"]), float(sac["cmpinc"]) - 90.0  # SAC counts incidence from up
+    if azimuth is None or dip is None:
+        where = parse_orientation(stats.channel)
+    elif abs(dip) > 45.0:
+        where = Orientation(None, -1 if dip > 0 else 1)  # SEED's dip is positive downwards
+    else:
+        where = Orientation(float(azimuth) % 360.0)
+    by_code = parse_orientation(code)
     if where and by_code and len(code) == 3 and where != by_code:
         said.append(f"channel {code}: the header says {where}, its code {by_code}; the header counts")
     if extra.get("clipped"):
         said.append(f"channel {code} looks clipped before its response is removed: {extra['clipped']}")
     start = str(stats.starttime)
     return Channel(code, data, float(stats.delta), unit, where, start, meta, tuple(said))
-
-
-def _unused_calibration(factor: float, code: str) -> list[str]:
-    if factor in (0.0, 1.0):
-        return []
-    return [f"channel {code}: the header's factor {factor:g} is not applied, `unit` is that of raw values"]
-
-
-def _where(trace: Trace) -> Orientation | None:
-    extra, sac = trace.stats.get("romdam", {}), trace.stats.get("sac", {})
-    azimuth, dip = extra.get("azimuth"), extra.get("dip")
-    if azimuth is None and "cmpaz" in sac and "cmpinc" in sac:
-        azimuth, dip = float(sac["cmpaz"]), float(sac["cmpinc"]) - 90.0  # SAC counts incidence from up
-    if azimuth is None or dip is None:
-        return parse_orientation(trace.stats.channel)
-    if abs(dip) > 45.0:
-        return Orientation(None, -1 if dip > 0 else 1)  # SEED's dip is positive downwards
-    return Orientation(float(azimuth) % 360.0)

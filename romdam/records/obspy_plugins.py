@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,29 +41,14 @@ def trace_of(channel: Channel) -> Trace:
     return trace
 
 
-def _to_channel(trace: Trace) -> Channel:
-    channel = channel_of(trace)
-    if not channel.unit:
-        raise RecordError(
-            f"trace {trace.id}: unit unknown; set trace.stats.romdam = {{'unit': 'm/s2'}} before writing"
-        )
-    extra = dict(trace.stats.get("romdam", {}))
-    start = "" if trace.stats.starttime == 0 else str(trace.stats.starttime.datetime.isoformat())
-    meta = {**channel.meta, **{k: v for k, v in extra.items() if k not in ("unit", "azimuth", "dip")}}
-    return Channel(channel.code, channel.data, channel.dt, channel.unit, channel.orientation, start, meta)
-
-
 def _is_format(name: str, filename: Any) -> bool:
-    head = filename.read(HEAD) if hasattr(filename, "read") else _head(filename)
-    return FORMATS[name].matches(decode(head))
-
-
-def _head(filename: Any) -> bytes:
+    if hasattr(filename, "read"):
+        return FORMATS[name].matches(decode(filename.read(HEAD)))
     try:
         with open(filename, "rb") as file:
-            return file.read(HEAD)
+            return FORMATS[name].matches(decode(file.read(HEAD)))
     except OSError:
-        return b""
+        return False
 
 
 def _read_format(name: str, filename: Any, **_: Any) -> Stream:
@@ -80,7 +66,18 @@ def _write_format(name: str, stream: Stream, filename: Any, **_: Any) -> None:
     write = FORMATS[name].write
     if write is None or (len(stream) > 1 and not FORMATS[name].many):
         raise RecordError(f"{filename}: {name} holds one channel a file, got {len(stream)}")
-    write([_to_channel(trace) for trace in stream], Path(filename))
+    channels = []
+    for trace in stream:
+        channel = channel_of(trace)
+        if not channel.unit:
+            raise RecordError(
+                f"trace {trace.id}: unit unknown; set trace.stats.romdam = {{'unit': 'm/s2'}} before writing"
+            )
+        start = "" if trace.stats.starttime == 0 else str(trace.stats.starttime.datetime.isoformat())
+        stated = dict(trace.stats.get("romdam", {}))
+        about = {key: value for key, value in stated.items() if key not in ("unit", "azimuth", "dip")}
+        channels.append(replace(channel, start=start, meta=channel.meta | about, warnings=()))
+    write(channels, Path(filename))
 
 
 def _plugin(name: str) -> tuple[Any, Any, Any]:

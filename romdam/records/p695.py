@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, parse_orientation
@@ -43,8 +42,22 @@ def read_p695(name: str) -> dict[str, list[Channel]]:
         ) from error
     records: dict[str, list[Channel]] = {}
     for (record, component), row in data.ground_motions.iterrows():
-        about = _about(name, data.records.loc[record], str(row.ComponentName))
-        where = parse_orientation(_azimuth(str(row.ComponentName)))
+        stated, component_name = data.records.loc[record], str(row.ComponentName)
+        about: dict[str, object] = {
+            "format": "P695",
+            "suite": name,
+            "component": component_name,
+            "event": f"{stated.EarthquakeName} {int(stated.EarthquakeYear)}",
+            "magnitude": float(stated.EarthquakeMagnitude),
+            "station": str(stated.RecordingStationName),
+            "network": str(stated.RecordingStationOwner),
+            "rsn": int(stated.RecordSequenceNumber),
+            "lowest_usable_hz": float(stated.LowestUsableFrequency),
+            "processed": True,
+        }
+        # the last three digits of "NORTHR/MUL009"; longitudinal and transverse components have none
+        azimuth = re.search(r"(\d{3})$", component_name)
+        where = parse_orientation(azimuth[1] if azimuth else "")
         if row.NumPoints != len(row.RecordedAcceleration):
             raise RecordError(
                 f"suite {name!r}, record {record}{component}: {row.NumPoints} samples stated, "
@@ -53,24 +66,3 @@ def read_p695(name: str) -> dict[str, list[Channel]]:
         channel = Channel(component, row.RecordedAcceleration, float(row.DT), "g", where, "", about)
         records.setdefault(f"{name}_{record:02d}", []).append(channel)
     return records
-
-
-def _azimuth(component: str) -> str:
-    """The last three digits of "NORTHR/MUL009"; longitudinal and transverse components have none."""
-    match = re.search(r"(\d{3})$", component)
-    return match[1] if match else ""
-
-
-def _about(name: str, record: Any, component: str) -> dict[str, object]:
-    return {
-        "format": "P695",
-        "suite": name,
-        "component": component,
-        "event": f"{record.EarthquakeName} {int(record.EarthquakeYear)}",
-        "magnitude": float(record.EarthquakeMagnitude),
-        "station": str(record.RecordingStationName),
-        "network": str(record.RecordingStationOwner),
-        "rsn": int(record.RecordSequenceNumber),
-        "lowest_usable_hz": float(record.LowestUsableFrequency),
-        "processed": True,
-    }

@@ -25,62 +25,46 @@ SQUARE = 5.0  # degrees that horizontal components may miss 90 by
 
 
 def said_of_channels(channels: list[Channel]) -> tuple[str, ...]:
-    """Doubts of the samples."""
+    """Doubts of the samples, and of what the channels' codes say that they are."""
     remarks = []
     for channel in channels:
-        for doubt in (_clipped, _still, _spike, _dropout, _odd_dt, _velocity):
-            if text := doubt(channel):
-                remarks.append(f"channel {channel.code} {text}")
+        doubts = []
+        data = channel.data
+        if why := clipping(data):
+            doubts.append(f"looks clipped: {why} [{channel.unit or 'raw units'}]")
+        if np.all(data == data[0]):
+            doubts.append(f"does not move: every sample is {data[0]:g}")
+
+        around = np.abs(data - np.median(data))
+        largest = int(np.argmax(around))
+        others = np.delete(around, slice(max(0, largest - 1), largest + 2))
+        if others.size >= DROPOUT and around[largest] > SPIKE * np.max(others) > 0.0:
+            doubts.append(
+                f"has one sample of {data[largest]:g}, {SPIKE:g} times all others, at "
+                f"t = {largest * channel.dt:g} s"
+            )
+        strong = np.flatnonzero(around > STRONG * np.max(around))
+        if strong.size:
+            amid = data[strong[0] : strong[-1] + 1]
+            run = 1 + longest_run(np.diff(amid) == 0.0)
+            if run >= DROPOUT:
+                doubts.append(
+                    f"rests for {run} samples in a row amid strong shaking (limit {DROPOUT - 1}); a gap?"
+                )
+
+        low, high = USUAL_DT
+        if not low <= channel.dt <= high:
+            doubts.append(f"has dt = {channel.dt:g} s, recorders have {low:g} to {high:g} s; is it right?")
+        code = channel.code
+        if not channel.unit and len(code) == 3 and code.isalpha() and code[1] in VELOCITY_CODES:
+            doubts.append(
+                f"is by its code ({code[1]}) of a seismometer, whose counts are velocity; give its `response`"
+            )
+        remarks += [f"channel {code} {doubt}" for doubt in doubts]
     for first, other in itertools.combinations(channels, 2):
         if first.data.shape == other.data.shape and np.array_equal(first.data, other.data):
             remarks.append(f"channels {first.code} and {other.code} hold the same samples")
     return tuple(remarks)
-
-
-def _clipped(channel: Channel) -> str:
-    why = clipping(channel.data)
-    return f"looks clipped: {why} [{channel.unit or 'raw units'}]" if why else ""
-
-
-def _still(channel: Channel) -> str:
-    same = bool(np.all(channel.data == channel.data[0]))
-    return f"does not move: every sample is {channel.data[0]:g}" if same else ""
-
-
-def _spike(channel: Channel) -> str:
-    around = np.abs(channel.data - np.median(channel.data))
-    at = int(np.argmax(around))
-    rest = np.delete(around, slice(max(0, at - 1), at + 2))
-    if rest.size < DROPOUT or around[at] <= SPIKE * np.max(rest) or np.max(rest) <= 0.0:
-        return ""
-    return f"has one sample of {channel.data[at]:g}, {SPIKE:g} times all others, at t = {at * channel.dt:g} s"
-
-
-def _dropout(channel: Channel) -> str:
-    around = np.abs(channel.data - np.median(channel.data))
-    strong = np.flatnonzero(around > STRONG * np.max(around))
-    if strong.size == 0:
-        return ""
-    samples = channel.data[strong[0] : strong[-1] + 1]
-    run = 1 + longest_run(np.diff(samples) == 0.0)
-    if run < DROPOUT:
-        return ""
-    return f"rests for {run} samples in a row amid strong shaking (limit {DROPOUT - 1}); a gap?"
-
-
-def _odd_dt(channel: Channel) -> str:
-    low, high = USUAL_DT
-    if low <= channel.dt <= high:
-        return ""
-    return f"has dt = {channel.dt:g} s, recorders have {low:g} to {high:g} s; is it right?"
-
-
-def _velocity(channel: Channel) -> str:
-    """Counts of a seismometer are a velocity."""
-    code = channel.code
-    if channel.unit or len(code) != 3 or not code.isalpha() or code[1] not in VELOCITY_CODES:
-        return ""
-    return f"is by its code ({code[1]}) of a seismometer, whose counts are velocity; give its `response`"
 
 
 def said_of_axes(axes: dict[str, Channel], config: RecordConfig) -> tuple[str, ...]:

@@ -16,12 +16,11 @@ from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.printable import plain_cell
 from romdam.records.assemble import build_motion
-from romdam.records.channel import Channel
 from romdam.records.components import measures
 from romdam.records.design.selection import Candidate, select_motions
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.processing.offset import COUNTED_AS_MOTION
-from romdam.records.sources import Recorded, Source, pick, sources_of
+from romdam.records.sources import Recorded, pick, sources_of
 
 EACH = "each"
 
@@ -89,122 +88,97 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
                 raise record.error
         passing = [record.motion for record in loaded if record.motion is not None and record.passes]
         if not passing:
-            raise RecordError(_none_passes(entry, len(loaded)))
+            limits = {name: limit.model_dump(exclude_none=True) for name, limit in entry.keep.items()}
+            source = entry.file or entry.files or entry.manifest or entry.suite or "components"
+            raise RecordError(
+                f"records: {source}: none of {len(loaded)} records passes `keep` {quote(limits)}; widen its "
+                "limits"
+            )
         motions += passing
     check_names(motions)
     return motions
 
 
-def _none_passes(entry: RecordConfig, count: int) -> str:
-    limits = {name: limit.model_dump(exclude_none=True) for name, limit in entry.keep.items()}
-    source = entry.file or entry.files or entry.manifest or entry.suite or "components"
-    return f"records: {source}: none of {count} records passes `keep` {quote(limits)}; widen its limits"
-
-
 def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
     """The records of an entry, whose errors name the key where there is one to be mended."""
-    for record in _loaded(entry, folder):
+    for record in _candidates(entry, folder) if entry.target is not None else _read(entry, folder):
         below = getattr(record.error, "key", "")
         if key and below:
             record = replace(record, error=RecordError(f"{key}.{below}: {record.error}", f"{key}.{below}"))
         yield record
 
 
-def _loaded(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
+def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
+    """The records of an entry as they stand; where one motion of a source cannot be used, none can."""
     try:
         sources = sources_of(entry, folder)
     except (RecordError, ConfigError) as error:
         yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
         return
-    loaded = (record for source in sources for record in _of_source(source))
-    yield from loaded if entry.target is None else _candidates(list(loaded), entry, folder)
+    for source in sources:
+        loaded = []
+        try:
+            for recorded in source.read():
+                for motion in _motions(recorded):
+                    passes = True  # whether the measures of the largest of x, y, z lie within `keep`
+                    keep = recorded.config.keep
+                    values = measures(motion.acc, motion.dt, "largest") if keep else {}
+                    for name, limits in keep.items():
+                        low, high = limits.in_unit(MEASURES[name])
+                        passes = passes and low <= values[name] <= high
+                    loaded.append(Loaded(motion.name, motion, passes=passes))
+        except (RecordError, ConfigError) as error:
+            loaded = [Loaded(source.name, error=error)]
+        yield from loaded
 
 
-def _candidates(loaded: list[Loaded], entry: RecordConfig, folder: Path) -> list[Loaded]:
+def _candidates(entry: RecordConfig, folder: Path) -> list[Loaded]:
     """The records of an entry with a target; those that cannot be read are passed over where it selects."""
+    loaded = list(_read(entry, folder))
     unread = [replace(record, passes=entry.select is None) for record in loaded if record.motion is None]
     motions = [record.motion for record in loaded if record.motion is not None and record.passes]
-    try:
-        candidates = (
-            select_motions(entry, folder, motions, [str(record.error) for record in unread if record.error])
-            if motions
-            else []
-        )
-    except (RecordError, ConfigError) as error:
-        return [
-            Loaded(entry.name or str(entry.files or entry.manifest or entry.suite or entry.file), error=error)
-        ]
-    if not motions and entry.select is not None:
+    if not motions:
         return [replace(record, passes=True) for record in unread]
-    return [
-        Loaded(
-            candidate.name,
-            candidate.motion,
-            candidate.error,
-            candidate.error is not None or not candidate.why,
-            candidate,
-        )
-        for candidate in candidates
-    ] + unread
-
-
-def _of_source(source: Source) -> list[Loaded]:
-    """The motions of a source; where one of several cannot be used, none can."""
     try:
-        return [
-            Loaded(motion.name, motion, passes=_passes(motion, recorded.config))
-            for recorded in source.read()
-            for motion in _motions(recorded)
-        ]
+        why_unread = [str(record.error) for record in unread if record.error]
+        candidates = select_motions(entry, folder, motions, why_unread)
     except (RecordError, ConfigError) as error:
-        return [Loaded(source.name, error=error)]
+        source = entry.name or str(entry.files or entry.manifest or entry.suite or entry.file)
+        return [Loaded(source, error=error)]
+    compared = []
+    for candidate in candidates:
+        passes = candidate.error is not None or not candidate.why
+        compared.append(Loaded(candidate.name, candidate.motion, candidate.error, passes, candidate))
+    return compared + unread
 
 
 def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
     """One motion per record, or one per channel where an axis asks for each."""
-    components = recorded.config.components
+    components, channels, location = recorded.config.components, recorded.channels, recorded.location
     axes = [axis for axis, component in components.items() if component.channel == EACH]
-    if not axes:
-        yield build_motion(recorded, _axes(recorded))
-        return
-    if len(components) > 1:
-        text = f"{recorded.location}: `{EACH}` takes one axis, not {', '.join(components)}"
-        raise RecordError(text, "components")
-    for channel in recorded.channels:
-        suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
-        name = f"{recorded.name}_{suffix}" if len(recorded.channels) > 1 else recorded.name
-        yield build_motion(replace(recorded, name=name), {axes[0]: channel})
-
-
-def _axes(recorded: Recorded) -> dict[str, Channel]:
-    """Channel of each axis; empty means: rotate all channels by their azimuths."""
-    if recorded.picked:
-        return recorded.picked
-    if recorded.config.components:
-        return {
-            axis: pick(recorded.channels, component.channel, recorded.location, axis)
-            for axis, component in recorded.config.components.items()
-        }
-    if recorded.config.x_azimuth is None:
-        codes = ", ".join(channel.code for channel in recorded.channels)
+    if axes and len(components) > 1:
+        raise RecordError(f"{location}: `{EACH}` takes one axis, not {', '.join(components)}", "components")
+    if axes:
+        for channel in channels:
+            suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
+            name = f"{recorded.name}_{suffix}" if len(channels) > 1 else recorded.name
+            yield build_motion(replace(recorded, name=name), {axes[0]: channel})
+    elif recorded.picked:
+        yield build_motion(recorded, recorded.picked)
+    elif components:
+        yield build_motion(
+            recorded,
+            {axis: pick(channels, each.channel, location, axis) for axis, each in components.items()},
+        )
+    elif recorded.config.x_azimuth is not None:
+        yield build_motion(recorded, {})  # rotates all channels by their azimuths
+    else:
+        codes = ", ".join(channel.code for channel in channels)
         raise RecordError(
-            f"{recorded.location}: which axis does it shake? Give `components` "
-            f"(for example {{y: {recorded.channels[0].code}}}) or `x_azimuth`; its channels are {codes}",
+            f"{location}: which axis does it shake? Give `components` "
+            f"(for example {{y: {channels[0].code}}}) or `x_azimuth`; its channels are {codes}",
             "components",
         )
-    return {}
-
-
-def _passes(motion: GroundMotion, config: RecordConfig) -> bool:
-    """Tell whether the measures of the largest of x, y, z lie in the limits."""
-    if not config.keep:
-        return True
-    values = measures(motion.acc, motion.dt, "largest")
-    for name, limits in config.keep.items():
-        low, high = limits.in_unit(MEASURES[name])
-        if not low <= values[name] <= high:
-            return False
-    return True
 
 
 def check_names(motions: Sequence[GroundMotion]) -> None:
@@ -240,42 +214,30 @@ def usable_apart(
     among hundreds of records, and each is a wrong factor. Nor can one whose name is taken.
     """
     loaded: list[Loaded] = []
-    places: dict[str, str] = {}
-    for record in map(_refuse_doubted, load_records(records, folder, tell)):
-        name, where = re.sub(r"[^\w.+-]", "_", record.name), _where(record)
+    locations: dict[str, str] = {}  # of each name that is taken
+    for record in load_records(records, folder, tell):
+        location, motion = record.name, record.motion
+        if motion is not None:
+            doubts = [text for text in motion.warnings if DOUBTED_UNIT in text or COUNTED_AS_MOTION in text]
+            if doubts:
+                record = Loaded(record.name, error=RecordError("; ".join(doubts)))
+            else:
+                location = str(motion.provenance.get("place", record.name))
+        name, why = re.sub(r"[^\w.+-]", "_", record.name), ""
         if wrong := misnamed_file(name):
             name, why = "record", f"the record's name {quote(name)} {wrong}; give it a `name`"
-        elif other := places.get(same_file(name)):
+        elif other := locations.get(same_file(name)):
             why = f"a record named {name!r} is there already ({other}); give each its own `name`"
-        else:
-            why = ""
         if why:
-            record = Loaded(_free_name(name, places), error=RecordError(f"{where}: {record.error or why}"))
+            number = 2
+            while same_file(f"{name}.{number}") in locations:
+                number += 1
+            record = Loaded(f"{name}.{number}", error=RecordError(f"{location}: {record.error or why}"))
         else:
             record = replace(record, name=name)
         loaded.append(record)
-        places[same_file(record.name)] = where
+        locations[same_file(record.name)] = location
     return loaded
-
-
-def _refuse_doubted(record: Loaded) -> Loaded:
-    remarks = (
-        [text for text in record.motion.warnings if DOUBTED_UNIT in text or COUNTED_AS_MOTION in text]
-        if record.motion
-        else []
-    )
-    return Loaded(record.name, error=RecordError("; ".join(remarks))) if remarks else record
-
-
-def _where(record: Loaded) -> str:
-    return record.name if record.motion is None else str(record.motion.provenance.get("place", record.name))
-
-
-def _free_name(name: str, taken: dict[str, str]) -> str:
-    number = 2
-    while same_file(f"{name}.{number}") in taken:
-        number += 1
-    return f"{name}.{number}"
 
 
 def write_choice(considered: Sequence[Loaded], folder: Path) -> None:

@@ -6,7 +6,7 @@ import glob
 import hashlib
 import itertools
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -82,17 +82,33 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     """
     if entry.suite is not None:
         return [Source(entry.name or entry.suite, partial(_from_suite, entry))]
-    if entry.manifest is not None:
-        return _rows(folder / entry.manifest, entry)
+    if entry.manifest is not None:  # a row's own mistakes are those of its record
+        manifest = folder / entry.manifest
+        sources = []
+        for number, row in enumerate(manifest_rows(manifest), start=1):
+            stated = row if isinstance(row, dict) else {}
+            name = stated.get("name") or Path(str(stated.get("file", f"{manifest.stem}_{number}"))).stem
+            sources.append(Source(str(name), partial(_from_row, manifest, entry, number, row)))
+        return sources
     if entry.files is not None:
-        return _files(entry, folder)
-    if entry.file is not None:
-        return [_file(entry, folder, *files_of_record(folder / entry.file))]
-    return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
-
-
-def _file(entry: RecordConfig, folder: Path, name: str, paths: list[Path]) -> Source:
-    return Source(entry.name or name, lambda: [_from_files(entry.name or name, paths, entry, folder)])
+        paths = _files(folder / str(entry.files), str(entry.files))
+        if entry.group != "file":
+            return [Source(entry.name or str(entry.files), partial(_from_stations, paths, entry, folder))]
+        records = of_one_record(paths)
+        holes = [name for name, _ in records if name.endswith(BOREHOLE)]
+        if holes and any(name.endswith(SURFACE) for name, _ in records):  # no table tells them apart
+            log.warning(
+                "%s: KiK-net records of boreholes (%s) and of the surface are each a record of its own; take "
+                "one kind by its suffix, such as files: '*.EW2'",
+                entry.files,
+                ", ".join(holes[:5]),
+            )
+    elif entry.file is not None:
+        records = [files_of_record(folder / entry.file)]
+    else:
+        return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
+    named = [(entry.name or name, paths) for name, paths in records]
+    return [Source(name, partial(_from_files, name, paths, entry, folder)) for name, paths in named]
 
 
 def files_of_record(path: Path) -> tuple[str, list[Path]]:
@@ -119,7 +135,7 @@ def files_of_record(path: Path) -> tuple[str, list[Path]]:
     return known[0] if known else (path.stem, [path])
 
 
-def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> Recorded:
+def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> list[Recorded]:
     """One record of one or several files, whose channels stand in their order."""
     first, *others = [_from_file(path, entry, folder) for path in paths]
     channels = [channel for recorded in (first, *others) for channel in recorded.channels]
@@ -129,20 +145,29 @@ def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path)
     if gone := missing_files(paths):
         said = f"{', '.join(gone)} is not there, it would belong to the record"
         channels[0] = replace(channels[0], warnings=(*channels[0].warnings, said))
-    return replace(first, name=name, channels=channels, files=files)
+    return [replace(first, name=name, channels=channels, files=files)]
 
 
-def _files(entry: RecordConfig, folder: Path) -> list[Source]:
-    paths = _without_companions(matching_files(folder / str(entry.files)), str(entry.files))
+def _files(pattern: Path, stated: str) -> list[Path]:
+    """Files of a folder or pattern, without PEER's velocity and displacement where the acceleration is there.
+
+    Raises
+    ------
+    RecordError
+        where there is none.
+    """
+    paths = matching_files(pattern)
+    stems = {path.with_suffix("") for path in paths if path.suffix.upper() == ".AT2"}
+    companions = [
+        path for path in paths if path.suffix.upper() in (".VT2", ".DT2") and path.with_suffix("") in stems
+    ]
+    if companions:
+        names = listed([path.name for path in companions])
+        log.warning("%s: left out %s, velocity and displacement of .AT2 files", stated, names)
+    paths = [path for path in paths if path not in companions]
     if not paths:
-        raise RecordError(
-            f"{folder / str(entry.files)}: no record files found; check the path or the pattern"
-        )
-    if entry.group == "file":
-        records = of_one_record(paths)
-        _tell_boreholes([name for name, _ in records], str(entry.files))
-        return [_file(entry, folder, name, files) for name, files in records]
-    return [Source(entry.name or str(entry.files), partial(_from_stations, paths, entry, folder))]
+        raise RecordError(f"{pattern}: no record files found; check the path or the pattern")
+    return paths
 
 
 def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list[Recorded]:
@@ -170,70 +195,50 @@ def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list
         first = every[0].channels[0]
         noted = replace(first, warnings=(*first.warnings, said))
         every[0] = replace(every[0], channels=[noted, *every[0].channels[1:]])
-    return list(_by_station(every))
-
-
-def _without_companions(paths: list[Path], location: str) -> list[Path]:
-    """Leave out PEER's velocity and displacement of a record whose acceleration is there."""
-    stems = {path.with_suffix("") for path in paths if path.suffix.upper() == ".AT2"}
-    left = [
-        path for path in paths if path.suffix.upper() in (".VT2", ".DT2") and path.with_suffix("") in stems
-    ]
-    if left:
-        log.warning(
-            "%s: left out %s, velocity and displacement of .AT2 files",
-            location,
-            listed([p.name for p in left]),
-        )
-    return [path for path in paths if path not in left]
-
-
-def _tell_boreholes(records: list[str], location: str) -> None:
-    """Say where records of boreholes lie among those of the surface: nothing tells them apart in a table."""
-    holes = [name for name in records if name.endswith(BOREHOLE)]
-    if holes and any(name.endswith(SURFACE) for name in records):
-        log.warning(
-            "%s: KiK-net records of boreholes (%s) and of the surface are each a record of its own; take one "
-            "kind by its suffix, such as files: '*.EW2'", location, ", ".join(holes[:5]),
-        )  # fmt: skip
-
-
-def _rows(manifest: Path, entry: RecordConfig) -> list[Source]:
-    """A source for each row of a manifest; a row's own mistakes are those of its record."""
-    sources = []
-    for number, row in enumerate(manifest_rows(manifest), start=1):
-        stated = row if isinstance(row, dict) else {}
-        name = stated.get("name") or Path(str(stated.get("file", f"{manifest.stem}_{number}"))).stem
-        sources.append(Source(str(name), partial(_from_row, manifest, entry, number, row)))
-    return sources
-
-
-def _declared(config: RecordConfig, folder: Path) -> Declared:
-    response = None if config.response is None else folder / config.response
-    layout = Layout(config.layout, config.header_lines, config.delimiter, config.decimal)
-    return Declared(
-        config.dt, config.time_column, response, config.unit, None if layout == Layout() else layout
-    )
+    groups: dict[tuple[str, str, str], list[Recorded]] = {}  # event, network, station
+    for recorded in every:
+        for channel in recorded.channels:
+            event, network, station = (
+                str(channel.meta.get(key, "")) for key in ("event", "network", "station")
+            )
+            if not station:
+                raise RecordError(
+                    f"{recorded.location}: the file names no station to group it by; set `group: file`"
+                )
+            groups.setdefault((event, network, station), []).append(replace(recorded, channels=[channel]))
+    records = []
+    for (event, *where), parts in groups.items():
+        name = ".".join(word.replace(" ", "_").replace("/", "-") for word in where if word)
+        events = sorted({key[0] for key in groups if list(key[1:]) == where})
+        if len(events) > 1:
+            name += f"_{events.index(event) + 1}"
+        files = {file: digest for part in parts for file, digest in part.files.items()}
+        channels = [channel for part in parts for channel in part.channels]
+        records.append(Recorded(name, ", ".join(files), channels, parts[0].config, files))
+    return records
 
 
 def _from_file(path: Path, config: RecordConfig, folder: Path) -> Recorded:
-    return Recorded(config.name or path.stem, str(path), _read(path, config, folder), config, _digest(path))
+    channels = _read(path, config, folder)
+    digest = hashlib.sha256(read_bytes(path)).hexdigest()
+    return Recorded(config.name or path.stem, str(path), channels, config, {path.name: digest})
 
 
 def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
     """The channels of a file; what only some formats can use is not passed over in silence."""
+    response = None if config.response is None else folder / config.response
+    layout = Layout(config.layout, config.header_lines, config.delimiter, config.decimal)
+    declared = Declared(
+        config.dt, config.time_column, response, config.unit, None if layout == Layout() else layout
+    )
     with one_record(str(path)):
-        channels = read_channels(path, _declared(config, folder))
+        channels = read_channels(path, declared)
     kind = str(channels[0].meta.get("format", ""))
     if kind != "columns" and (keys := sorted(_OF_COLUMNS & config.model_fields_set)):
         raise RecordError(f"{path}: `{keys[0]}` is for plain columns, the file is {kind}; remove it")
     if config.response is not None and kind in (*FORMATS, "columns"):
         raise RecordError(f"{path}: `response` is for counts that ObsPy reads, the file is {kind}; remove it")
     return channels
-
-
-def _digest(path: Path) -> dict[str, str]:
-    return {path.name: hashlib.sha256(read_bytes(path)).hexdigest()}
 
 
 def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
@@ -244,7 +249,7 @@ def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
         path = folder / str(component.file)
         channels = _read(path, config, folder)
         picked[axis] = pick(channels, component.channel, str(path), axis)
-        files |= _digest(path)
+        files[path.name] = hashlib.sha256(read_bytes(path)).hexdigest()
     location = ", ".join(files)
     name = config.name or Path(next(iter(files))).stem
     return [Recorded(name, location, list(picked.values()), config, files, {}, picked)]
@@ -296,7 +301,11 @@ def matching_files(pattern: Path) -> list[Path]:
     """
     try:
         if pattern.is_dir():
-            every = (path for path in pattern.iterdir() if not _is_remark(path))
+            every = (  # without tables, pictures and PEER's _readME.txt
+                path
+                for path in pattern.iterdir()
+                if path.suffix.lower() not in NOT_RECORDS and "readme" not in path.stem.lower()
+            )
         else:
             every = (Path(match) for match in glob.iglob(str(pattern), recursive=True))
         paths = list(itertools.islice(every, MOST_FILES + 1))
@@ -307,31 +316,6 @@ def matching_files(pattern: Path) -> list[Path]:
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
 
 
-def _is_remark(path: Path) -> bool:
-    """Tell what lies in folders of records but is none: tables, pictures, PEER's _readME.txt."""
-    return path.suffix.lower() in NOT_RECORDS or "readme" in path.stem.lower()
-
-
-def _by_station(every: list[Recorded]) -> Iterator[Recorded]:
-    groups: dict[tuple[str, str, str], list[Recorded]] = {}
-    for recorded in every:
-        for channel in recorded.channels:
-            meta = channel.meta
-            key = (str(meta.get("event", "")), str(meta.get("network", "")), str(meta.get("station", "")))
-            if not key[2]:
-                raise RecordError(
-                    f"{recorded.location}: the file names no station to group it by; set `group: file`"
-                )
-            groups.setdefault(key, []).append(replace(recorded, channels=[channel]))
-    for key, parts in groups.items():
-        files = {name: digest for channel_record in parts for name, digest in channel_record.files.items()}
-        name = ".".join(word.replace(" ", "_").replace("/", "-") for word in key[1:] if word)
-        events = {k[0] for k in groups if k[1:] == key[1:]}
-        suffix = f"_{sorted(events).index(key[0]) + 1}" if len(events) > 1 else ""
-        channels = [channel for channel_record in parts for channel in channel_record.channels]
-        yield Recorded(name + suffix, ", ".join(files), channels, parts[0].config, files)
-
-
 def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> list[Recorded]:
     """Read the record of one row of a manifest, which must be the one that the manifest means."""
     config, about = read_row(manifest, entry, number, row)
@@ -340,25 +324,20 @@ def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> 
     if stated and stated not in recorded.files.values():
         raise RecordError(
             f"{recorded.location}: SHA-256 is {next(iter(recorded.files.values()))}, {manifest} says "
-            f"{stated}; "
-            "the file has changed"
+            f"{stated}; the file has changed"
         )
     for channel in recorded.channels:
-        _check_about(recorded.location, channel, about, manifest)
+        azimuth = None if channel.orientation is None else channel.orientation.azimuth
+        for key, value in (("samples", channel.data.size), ("azimuth", azimuth)):
+            word = str(about.get(key, ""))
+            if value is None or NUMBER.fullmatch(word) is None:
+                continue
+            if (float(word) - value) % (360.0 if key == "azimuth" else np.inf):
+                raise RecordError(
+                    f"{recorded.location}, channel {channel.code}: {key} {value:g}, {manifest} says {word}; "
+                    "one is wrong"
+                )
     return [replace(recorded, about=about)]
-
-
-def _check_about(location: str, channel: Channel, about: dict[str, object], manifest: Path) -> None:
-    """Refuse a channel whose samples or azimuth are not those that the manifest states."""
-    azimuth = None if channel.orientation is None else channel.orientation.azimuth
-    for key, value in (("samples", channel.data.size), ("azimuth", azimuth)):
-        stated = str(about.get(key, ""))
-        if value is None or NUMBER.fullmatch(stated) is None:
-            continue
-        if (float(stated) - value) % (360.0 if key == "azimuth" else np.inf):
-            raise RecordError(
-                f"{location}, channel {channel.code}: {key} {value:g}, {manifest} says {stated}; one is wrong"
-            )
 
 
 def _from_suite(config: RecordConfig) -> list[Recorded]:

@@ -82,12 +82,12 @@ def response_spectra(
     RecordError
         if a period or a damping ratio is out of range.
     """
-    acc = _with_zero_sample(acc)
+    acc = np.pad(np.atleast_2d(np.asarray(acc, dtype=np.float64)), ((0, 0), (0, 1)))  # a zero at the end
     periods, dampings = _validated(periods, dampings)
     shape = (acc.shape[0], dampings.size, periods.size)
     sd, sv, sa = np.zeros(shape), np.zeros(shape), np.zeros(shape)
     for d, damping in enumerate(dampings):
-        for group, substeps, coefficients in _substep_groups(periods, dt, float(damping)):
+        for group, substeps, coefficients in _substep_groups(periods.tobytes(), dt, float(damping)):
             for k, component in enumerate(acc):
                 states, largest, last = _integrate(component, substeps, coefficients, True)
                 peaks = _refine_peaks(component, substeps, coefficients, states, largest)
@@ -101,10 +101,10 @@ def pseudo_acceleration(acc: Array, dt: float, periods: Array, damping: float = 
 
     Parameters and errors are those of `response_spectra`.
     """
-    acc = _with_zero_sample(acc)
+    acc = np.pad(np.atleast_2d(np.asarray(acc, dtype=np.float64)), ((0, 0), (0, 1)))  # a zero at the end
     periods, _ = _validated(periods, (damping,))
     sd = np.zeros((acc.shape[0], periods.size))
-    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping)):
+    for group, substeps, coefficients in _substep_groups(periods.tobytes(), dt, float(damping)):
         for k, component in enumerate(acc):
             states, largest, last = _integrate(component, substeps, coefficients, False)
             within = _refine_peaks(component, substeps, coefficients, states, largest)[0]
@@ -140,7 +140,9 @@ def extremes(
     """
     periods, _ = _validated(periods, (damping,))
     of_period: list[tuple[NDArray[Any], ...]] = [()] * periods.size
-    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping), EXTREME_SUBSTEPS):
+    for group, substeps, coefficients in _substep_groups(
+        periods.tobytes(), dt, float(damping), EXTREME_SUBSTEPS
+    ):
         for column, index in enumerate(np.flatnonzero(group)):
             history = (2.0 * np.pi / periods[index]) ** 2 * _history(acc, substeps, coefficients[:, column])
             size = np.abs(history)
@@ -183,7 +185,9 @@ def rotated_psa(
         )
     angles = np.radians(np.arange(ROTATIONS))
     rotd = np.zeros((2, periods.size))
-    for group, substeps, coefficients in _substep_groups(periods, dt, float(damping), ROTATED_SUBSTEPS):
+    for group, substeps, coefficients in _substep_groups(
+        periods.tobytes(), dt, float(damping), ROTATED_SUBSTEPS
+    ):
         for column, index in enumerate(np.flatnonzero(group)):
             free_vibration = np.zeros(1 + int(np.ceil(periods[index] / dt)))
             u1, u2 = (
@@ -196,11 +200,6 @@ def rotated_psa(
             rotd[:, index] = np.median(peaks), np.max(peaks)
     omega2 = (2.0 * np.pi / periods) ** 2
     return rotd[0] * omega2, rotd[1] * omega2
-
-
-def _with_zero_sample(acc: Array) -> Array:
-    """Return the components (k, nt + 1) with a sample of zero at their end [m/s2]."""
-    return np.pad(np.atleast_2d(np.asarray(acc, dtype=np.float64)), ((0, 0), (0, 1)))
 
 
 def _free_vibration_peaks(state: Array, omega: Array, xi: float) -> Array:
@@ -229,26 +228,21 @@ def _validated(periods: Array, dampings: Array | tuple[float, ...]) -> tuple[Arr
     return periods, ratios
 
 
+@functools.lru_cache(maxsize=64)  # the records of a suite have few different dt
 def _substep_groups(
-    periods: Array, dt: float, damping: float, least: float = SUBSTEPS
-) -> list[tuple[NDArray[np.bool_], int, Array]]:
+    period_bytes: bytes, dt: float, damping: float, least: float = SUBSTEPS
+) -> tuple[tuple[NDArray[np.bool_], int, Array], ...]:
     """Group the periods by the number of substeps in a sampling interval, a power of two.
 
     Parameters
     ----------
+    period_bytes : the bytes of the periods (np,) [s], which can be a key of the cache
     least : substeps in a period, at least
 
     Returns
     -------
-    list of (which periods (np,), number of substeps, coefficients (11, periods of the group))
+    tuple of (which periods (np,), number of substeps, coefficients (11, periods of the group))
     """
-    return list(_cached_groups(periods.tobytes(), dt, damping, least))
-
-
-@functools.lru_cache(maxsize=64)  # the records of a suite have few different dt
-def _cached_groups(
-    period_bytes: bytes, dt: float, damping: float, least: float
-) -> tuple[tuple[NDArray[np.bool_], int, Array], ...]:
     periods = np.frombuffer(period_bytes)
     power = np.ceil(np.log2(np.maximum(least * dt / periods, 1.0)) - 1e-9).astype(int)
     groups = []

@@ -159,7 +159,8 @@ def _read_channel(text: TextFile, first: int) -> tuple[Channel | None, int]:
     if quantity != "acc":
         return None, end
     announced = _Announcement(match[3].strip(), match[4], index)
-    return _channel(text, _Header(first, *tables, comments), values, announced), end
+    header = _Header(first, tables[0], tables[1], comments)
+    return _channel(text, header, values, announced), end
 
 
 def _layout(text: TextFile, word: str, index: int) -> tuple[int, int, int]:
