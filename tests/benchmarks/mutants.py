@@ -32,7 +32,8 @@ def copy_tree(to: Path) -> None:
         source = ROOT / name
         if source.is_dir():
             # compiled functions come along: they are kept by the time of their file, which a copy keeps
-            ignored = shutil.ignore_patterns("*.pyc", "*.lock", "results*")
+            written = ("results*",) if name in ("configs", "data") else ()  # else a room and its tests
+            ignored = shutil.ignore_patterns("*.pyc", "*.lock", *written)
             shutil.copytree(source, to / name, symlinks=True, ignore=ignored)
         elif source.exists():
             shutil.copy(source, to / name)
