@@ -133,7 +133,7 @@ _FAULTS = [
     ),
     *_in(
         "geometry/arch_dam/shape.py",
-        ("tests/geometry/test_arch_dam.py", "-k", "shape_is or parabolic"),
+        _GEOMETRY,
         ("if share is None else share) ** 2", "if share is None else share)"),
     ),
     *_in(

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from arch_dams import arch_dam
 from gravity_dams import FOUNDATION, gravity_dam
 
 from romdam.config import parse_config
 from romdam.config.quantities import to_si
 from romdam.config.sections.joint_water import DrainsConfig
+from romdam.geometry.arch_dam.shape import ArchShape
 from romdam.geometry.facets import facet_areas, node_normals, second_moments
 
 # 2 x 3 m in the plane z = 0, and 2 x 1 m standing on its far edge
@@ -58,6 +60,17 @@ SHORT = {
     "transient": {"finest_step": 0.01},
     "model": {"order": "full"},
 }
+
+
+@pytest.mark.parametrize(("share", "more"), [(0.0, 1.0), (0.5, 1.0375), (1.0, 1.15)])
+def test_arches_thicken_with_the_square_of_the_angle(share, more):
+    """At the crest the faces are arcs of 125 m about the axis and of 116 m about 2 m before it."""
+    shape = ArchShape(parse_config(arch_dam() | SHORT, "s.yaml").arch_dam, "s.yaml")
+    theta = share * shape.end
+    outer, inner = (shape.point(np.array(theta), np.array(side), np.array(100.0)) for side in (0.0, 1.0))
+    assert np.hypot(outer[0], outer[1] - 123.0) == pytest.approx(125.0)
+    thin = 2.0 * np.cos(theta) + (116.0**2 - (2.0 * np.sin(theta)) ** 2) ** 0.5
+    assert np.hypot(inner[0], inner[1] - 123.0) == pytest.approx(125.0 - more * (125.0 - thin))
 
 
 @pytest.mark.parametrize(
