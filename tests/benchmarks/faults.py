@@ -414,7 +414,7 @@ _FAULTS = [
     ),
     *_in(
         "export/deck.py",
-        ("tests/export/test_code_aster.py", "-k", "law_of_a_gap"),
+        ("tests/export/test_build.py", "-k", "rigid_gaps"),
         ("self.law.mu.min(axis=1)", "self.law.mu.max(axis=1)"),
     ),
     *_in(

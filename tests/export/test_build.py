@@ -80,13 +80,16 @@ def test_joint_water_is_a_force_on_both_sides():
 
 
 def test_rigid_gaps_and_laws_are_stated():
+    """Rigid gaps have E A / 10 mm, of 87.5 m2 without what the feet hold."""
     joint = {"between": ["left", "right"], "normal_stiffness": "rigid"}
     deck = built(boxes(joints={"gap": joint}))[1]
-    assert np.isfinite(deck.gaps.law.K_n).all() and "8 rigid gaps" in deck.stated[0]
+    assert "8 rigid gaps" in deck.stated[0] and "10 mm" in deck.stated[0]
+    assert deck.gaps.law.K_n.sum() == pytest.approx(30e9 * 87.5 / 0.01)
     bonded = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "tensile_strength": "1 MPa"}
     bonded |= {"cohesion": "1 MPa", "shear_stiffness": "8 GPa/m"}
     one_way = bonded | {"tensile_strength": "0 MPa", "cohesion": "0 MPa", "friction": [0.5, 0.2]}
-    assert "smaller" in built(boxes(joints={"gap": one_way}))[1].stated[0]
+    deck = built(boxes(joints={"gap": one_way}))[1]
+    assert "smaller" in deck.stated[0] and (deck.gaps.friction == 0.2).all()
     assert "cohesion, tensile_strength" in built(boxes(joints={"gap": bonded}))[1].stated[0]
 
 
