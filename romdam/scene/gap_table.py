@@ -40,30 +40,21 @@ def table_gap(path: Path, position: Floats, location: str) -> Floats:
     if rank == 1:
         order = np.argsort(flat[0][:, 0])
         return np.interp(flat[1][:, 0], flat[0][order, 0], gap[order])
-    return _linear(flat[0][:, :2], gap, flat[1][:, :2], at_nearest)
-
-
-def _linear(points: Floats, gap: Floats, at: Floats, nearest: Floats) -> Floats:
     from scipy.interpolate import LinearNDInterpolator  # here: half a second that few scenes need
 
-    interpolate = LinearNDInterpolator(points, gap)
-    value = interpolate(at)
+    interpolate, places = LinearNDInterpolator(flat[0][:, :2], gap), flat[1][:, :2]
+    value = interpolate(places)
     # nodes on the table's rim may fall outside by rounding: look a millionth further in
-    value = np.where(np.isnan(value), interpolate(at * (1.0 - 1e-6)), value)
-    return np.where(np.isnan(value), nearest, value)
+    value = np.where(np.isnan(value), interpolate(places * (1.0 - 1e-6)), value)
+    return np.where(np.isnan(value), at_nearest, value)
 
 
 def _read(path: Path, location: str) -> Floats:
     try:
         check_file(path, _LARGEST, ConfigError)
-    except ConfigError as error:
-        raise ConfigError(
-            f"{location}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
-        ) from None
-    try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = list(csv.DictReader(stream, skipinitialspace=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (ConfigError, OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(
             f"{location}: {path} cannot be read ({error}); give a CSV file with x,y,z,gap"
         ) from None
@@ -73,17 +64,16 @@ def _read(path: Path, location: str) -> Floats:
         raise ConfigError(
             f"{location}: {path} {what}; its first line must be x,y,z,gap, then one point per line in m"
         )
-    return np.array([_numbers(row, number, path, location) for number, row in enumerate(rows, start=2)])
-
-
-def _numbers(row: dict[str, str | None], number: int, path: Path, location: str) -> list[float]:
-    try:
-        values = [float(row[column] or "") for column in _COLUMNS]
-    except ValueError:
-        values = [np.nan]
-    if not np.all(np.isfinite(values)):
-        words = ",".join(str(row[column]) for column in _COLUMNS)
-        raise ConfigError(
-            f"{location}: {path} line {number}: expected four finite numbers x,y,z,gap, got {words!r}"
-        )
-    return values
+    table = []
+    for number, row in enumerate(rows, start=2):
+        try:
+            values = [float(row[column] or "") for column in _COLUMNS]
+        except ValueError:
+            values = [np.nan]
+        if not np.all(np.isfinite(values)):
+            words = ",".join(str(row[column]) for column in _COLUMNS)
+            raise ConfigError(
+                f"{location}: {path} line {number}: expected four finite numbers x,y,z,gap, got {words!r}"
+            )
+        table.append(values)
+    return np.array(table)

@@ -65,25 +65,31 @@ def build_joint(
         when the two meshes do not conform on the common face.
     """
     location = f"{source}: joints.{name}"
-    whole = _all_gaps(name, joint, blocks, folder, location)
-    merged = any(set(whole.blocks) <= set(part.blocks) for part in parts)
-    by = "supports or ties" if merged else "supports"
-    return _without_held_gaps(whole, fixed, parts, by, location)
-
-
-def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: Path, location: str) -> Joint:
     block_I, block_J = (blocks[b] for b in joint.between)
     face, surface = _face_gaps(joint, block_I, block_J, location)
-    _say_rotation(face, surface, joint.between.index(surface.block), location)
-    normal = _normals(joint, face.position, face.opposite, face.normal, location)
-    return Joint(
+
+    # compare the gaps of a narrow face with their bedding in stiffness against rotation
+    side = joint.between.index(surface.block)
+    exact, middle = second_moments(surface.points, surface.facets)
+    away = face.weights[side] @ surface.points[face.nodes[side]] - middle
+    inertia = away.T @ (face.area[:, None] * away)
+    across = np.linalg.eigh(exact)[1][:, 1]  # of the face's plane, the narrow way
+    share = float(across @ inertia @ across / (across @ exact @ across))
+    if abs(share - 1.0) > _TURNS:
+        _log.info(
+            "%s: closed, the gaps have %.2f times the stiffness of their bedding against rotation over the "
+            "narrow side of the face; more elements across it come nearer to 1",
+            location, share,
+        )  # fmt: skip
+
+    every_gap = Joint(
         name=name,
         blocks=joint.between,
         nodes=face.nodes,
         position=face.position,
         area=face.area,
         share=np.zeros(len(face.area)),
-        axes=local_axes(normal),
+        axes=local_axes(_normals(joint, face, location)),
         weights=face.weights,
         at_point=face.at_point,
         water=np.zeros(len(face.area)),
@@ -91,6 +97,7 @@ def _all_gaps(name: str, joint: JointConfig, blocks: dict[str, Block], folder: P
         corner=face.corner,
         **_properties(joint, face.area, face.position, folder, location),
     )
+    return _without_held_gaps(every_gap, fixed, parts, location)
 
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
@@ -104,74 +111,53 @@ def _linear_face(surface: Surface, corner: Ints) -> JointFace:
     return JointFace(surface.block, tuple(facets))
 
 
-def _say_rotation(face: FaceGaps, surface: Surface, side: int, location: str) -> None:
-    """Log it where the gaps of a narrow face are off their bedding's stiffness against rotation."""
-    seen = face.weights[side] @ surface.points[face.nodes[side]]
-    exact, middle = second_moments(surface.points, surface.facets)
-    inertia = (seen - middle).T @ (face.area[:, None] * (seen - middle))
-    across = np.linalg.eigh(exact)[1][:, 1]  # of the face's plane, the narrow way
-    share = float(across @ inertia @ across / (across @ exact @ across))
-    if abs(share - 1.0) > _TURNS:
-        _log.info(
-            "%s: closed, the gaps have %.2f times the stiffness of their bedding against rotation over the "
-            "narrow side of the face; more elements across it come nearer to 1",
-            location, share,
-        )  # fmt: skip
-
-
-def _quadratic(facets: Ints) -> bool:
-    """True for quadratic facets of one kind, which mortar takes."""
-    return facet_frame(facets).quadratic and len(facets_by_kind(facets)) == 1
-
-
 def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, location: str) -> tuple[FaceGaps, Surface]:
     """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
-    if joint.discretization == "mortar":
-        return _mortar(joint, block_I, block_J, location)
-    try:
-        facets, partner = coincident_facets(block_I, block_J, joint.tolerance, location)
-    except (ConfigError, MeshError):
-        if joint.discretization == "node_to_node":
-            raise
-        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
-        return _mortar(joint, block_I, block_J, location)
-    if joint.discretization == "auto" and joint.gaps == "nodes" and _quadratic(facets):
-        _log.info("%s: the faces are quadratic; discretization: mortar", location)
-        return _mortar(joint, block_I, block_J, location)
-    surface = Surface(block_I.name, block_I.points, facets)
-    return _node_to_node(joint, (block_I, block_J), facets, partner), surface
+    pairs = None
+    if joint.discretization != "mortar":
+        try:
+            pairs = coincident_facets(block_I, block_J, joint.tolerance, location)
+        except (ConfigError, MeshError):
+            if joint.discretization == "node_to_node":
+                raise
+            _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
+    if pairs is not None:
+        facets, partner = pairs
+        quadratic = facet_frame(facets).quadratic
+        # mortar takes facets of one kind
+        prefers_mortar = quadratic and joint.gaps == "nodes" and len(facets_by_kind(facets)) == 1
+        if joint.discretization == "auto" and prefers_mortar:
+            _log.info("%s: the faces are quadratic; discretization: mortar", location)
+        else:
+            nodes, area, weights = gap_weights(block_I.points, facets, joint.gaps == "corners")
+            corner = nodes
+            if len(area) != len(nodes):
+                corner = np.unique(facets[:, : facet_frame(facets).corners])
+            at_point = csr_matrix(eye_array(len(nodes)))[np.searchsorted(nodes, corner)]
+            gaps = FaceGaps(
+                nodes=(nodes, partner[nodes]),
+                position=block_I.points[corner],
+                opposite=block_J.points[partner[corner]],
+                normal=node_normals(block_I.points, facets)[corner],
+                area=area,
+                corner=corner,
+                weights=(weights, weights),
+                at_point=(at_point, at_point) if quadratic else None,
+            )
+            return gaps, Surface(block_I.name, block_I.points, facets)
 
-
-def _node_to_node(joint: JointConfig, blocks: tuple[Block, Block], facets: Ints, partner: Ints) -> FaceGaps:
-    points_I, points_J = (block.points for block in blocks)
-    nodes, area, weights = gap_weights(points_I, facets, joint.gaps == "corners")
-    at = nodes if len(area) == len(nodes) else np.unique(facets[:, : facet_frame(facets).corners])
-    point = csr_matrix(eye_array(len(nodes)))[np.searchsorted(nodes, at)]
-    return FaceGaps(
-        nodes=(nodes, partner[nodes]),
-        position=points_I[at],
-        opposite=points_J[partner[at]],
-        normal=node_normals(points_I, facets)[at],
-        area=area,
-        corner=at,
-        weights=(weights, weights),
-        at_point=(point, point) if facet_frame(facets).quadratic else None,
-    )
-
-
-def _mortar(joint: JointConfig, block_I: Block, block_J: Block, location: str) -> tuple[FaceGaps, Surface]:
     interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, location)
     gaps = mortar_gaps(interface)
     slave, master = interface.slave, interface.master
-    area, faces = float(gaps.area.sum()), (float(slave.areas.sum()), float(master.areas.sum()))
+    covered, faces = float(gaps.area.sum()), (float(slave.areas.sum()), float(master.areas.sum()))
     _log.info(
         "%s: mortar, %d gaps at the corners of %r against %r over %.6g m2, at most %.3g m apart",
-        location, len(gaps.area), slave.block, master.block, area, interface.apart,
+        location, len(gaps.area), slave.block, master.block, covered, interface.apart,
     )  # fmt: skip
-    if area < _PARTLY * max(faces):
+    if covered < _PARTLY * max(faces):
         _log.info(
             "%s: the faces lie on each other over %.6g m2, of facets of %.6g m2 of %r and %.6g m2 of %r",
-            location, area, faces[0], slave.block, faces[1], master.block,
+            location, covered, faces[0], slave.block, faces[1], master.block,
         )  # fmt: skip
     return gaps, slave
 
@@ -195,22 +181,26 @@ def _properties(
 ) -> dict[str, Any]:
     """Fields of a `Joint` that depend on its parameters alone."""
     keys = joint.law_keys
+    if isinstance(joint.gap, GapTable):
+        gap = table_gap(folder / joint.gap.table, position, f"{location}.gap.table")
+    else:
+        gap = np.full(len(position), joint.gap)
+    everywhere = np.ones(len(area), dtype=np.bool_)
     return {
-        "gap": _initial_gap(joint, position, folder, location),
+        "gap": gap,
         **{law.array: _rows(law, keys, area)[:, 0] for law in LAWS if law.array and law is not Coulomb},
         "mu": _rows(Coulomb, keys, area),
-        "laws": tuple(_further(law, keys, area) for law in joint.every_law if not law.array),
+        "laws": tuple(
+            LawRows(source_of(law), _rows(law, keys, area), everywhere, law.needs_shear(keys))
+            for law in joint.every_law
+            if not law.array
+        ),
     }
-
-
-def _further(law: type[Law], keys: Mapping[str, Any], area: Floats) -> LawRows:
-    on = np.ones(len(area), dtype=np.bool_)
-    return LawRows(source_of(law), _rows(law, keys, area), on, law.needs_shear(keys))
 
 
 def _rows(law: type[Law], keys: Mapping[str, Any], area: Floats) -> Floats:
     """Parameters of a law at every gap, (n, p)."""
-    areas, which = np.unique(area, return_inverse=True)  # most gaps of a regular mesh have one of a few
+    areas, which = np.unique(area, return_inverse=True)  # most gaps of a regular mesh have the same few
     return np.array([law.row(keys, float(each)) for each in areas])[which]
 
 
@@ -230,51 +220,40 @@ def local_axes(normal: Floats) -> Floats:
     return np.stack([normal, np.cross(k, normal), k], axis=1)
 
 
-def _normals(
-    joint: JointConfig, points_I: Floats, points_J: Floats, outward: Floats, location: str
-) -> Floats:
+def _normals(joint: JointConfig, face: FaceGaps, location: str) -> Floats:
+    """Unit normals (n, 3) from I to J, as the key `normal` asks for them."""
     if joint.normal == "face":
-        return outward
+        return face.normal
     if joint.normal == "nodes":
-        return _normals_from_nodes(points_I, points_J, location)
+        apart = face.opposite - face.position
+        distance = np.linalg.norm(apart, axis=1)
+        least = 1e-9 * np.ptp(face.position, axis=0).max()
+        if distance.min() <= least:
+            worst = ", ".join(f"{x:.6g}" for x in face.position[np.argmin(distance)])
+            raise ConfigError(
+                f"{location}.normal = nodes needs a distance between the nodes of a pair, but "
+                f"{np.count_nonzero(distance <= least)} of {len(distance)} pairs coincide (distance "
+                f"{distance.min():.3g} m at ({worst})); move the blocks apart by the gap, or use normal: face"
+            )
+        return apart / distance[:, None]
     vector = np.array(joint.normal)
     length = np.linalg.norm(vector)
     if length == 0.0:
         raise ConfigError(
             f"{location}.normal must have a length above 0, got [0, 0, 0]; give its direction from I to J"
         )
-    cosine = outward @ vector / length
+    cosine = face.normal @ vector / length
     if cosine.min() <= 0.0:
         raise ConfigError(
             f"{location}.normal must point from block {joint.between[0]!r} to {joint.between[1]!r}, but at "
             f"{np.count_nonzero(cosine <= 0.0)} of {len(cosine)} gaps its cosine with the face normal is "
             f"{cosine.min():.3g} or more, limit above 0; reverse it, or use normal: face"
         )
-    return np.tile(vector / length, (len(outward), 1))
-
-
-def _normals_from_nodes(points_I: Floats, points_J: Floats, location: str) -> Floats:
-    apart = points_J - points_I
-    distance = np.linalg.norm(apart, axis=1)
-    least = 1e-9 * np.ptp(points_I, axis=0).max()
-    if distance.min() <= least:
-        worst = ", ".join(f"{x:.6g}" for x in points_I[np.argmin(distance)])
-        raise ConfigError(
-            f"{location}.normal = nodes needs a distance between the nodes of a pair, but "
-            f"{np.count_nonzero(distance <= least)} of {len(distance)} pairs coincide (distance "
-            f"{distance.min():.3g} m at ({worst})); move the blocks apart by the gap, or use normal: face"
-        )
-    return apart / distance[:, None]
-
-
-def _initial_gap(joint: JointConfig, position: Floats, folder: Path, location: str) -> Floats:
-    if isinstance(joint.gap, GapTable):
-        return table_gap(folder / joint.gap.table, position, f"{location}.gap.table")
-    return np.full(len(position), joint.gap)
+    return np.tile(vector / length, (len(face.normal), 1))
 
 
 def _without_held_gaps(
-    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part], by: str, location: str
+    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part], location: str
 ) -> Joint:
     """Drop the gaps that cannot open, since supports or ties keep what they see of both sides together.
 
@@ -282,6 +261,7 @@ def _without_held_gaps(
     that moves anything.
     """
     keep = _moves(joint, fixed, parts)
+    by = "supports or ties" if any(set(joint.blocks) <= set(part.blocks) for part in parts) else "supports"
     if not keep.any():
         raise ConfigError(
             f"{location}: {by} hold all {len(keep)} gaps on both sides, so the joint can do nothing; "
@@ -290,11 +270,8 @@ def _without_held_gaps(
     if not keep.all():
         _log.info(
             "%s: %d of %d gaps are held by %s on both sides and dropped",
-            location,
-            (~keep).sum(),
-            len(keep),
-            by,
-        )
+            location, (~keep).sum(), len(keep), by,
+        )  # fmt: skip
     taker = nearest(joint.position[keep], joint.position[~keep])[1]
     share = np.zeros(int(keep.sum()))
     np.add.at(share, taker, joint.area[~keep])
@@ -303,57 +280,38 @@ def _without_held_gaps(
 
 def _moves(joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]) -> Bools:
     """Gaps whose normal jump a free component of some node changes, as ties let the nodes move."""
-    spread, together = _independent(joint, fixed, parts)
-    moves = np.zeros(len(joint.area), dtype=bool)
-    for axis in range(3):
-        seen = [
-            sign * (weights @ csr_matrix(rows[3 * nodes + axis]))
-            for sign, weights, rows, nodes in zip(
-                (-1.0, 1.0), joint.weights, spread, joint.nodes, strict=True
-            )
-        ]
-        changes = abs(seen[0] + seen[1] if together else hstack(seen)).max(axis=1).toarray().ravel()
-        moves |= (changes > _NOTHING) & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
-    return moves
-
-
-def _independent(
-    joint: Joint, fixed: dict[str, Bools], parts: Collection[Part]
-) -> tuple[list[csr_matrix], bool]:
-    """Matrices that take the DOFs of either block from independent ones, and whether these are the same."""
     parts_of = [next((part for part in parts if block in part.blocks), None) for block in joint.blocks]
-    spread = []
+    spread = []  # matrices that take the DOFs of either block from independent ones
     for block, part in zip(joint.blocks, parts_of, strict=True):
         held = fixed[block] if part is None else part.fixed(fixed)
         matrix = eye_array(held.size, format="csr") if part is None else part.spread(block)
         spread.append(csr_matrix(matrix @ diags_array((~held.ravel()).astype(float))))
-    return spread, parts_of[0] is not None and parts_of[0] is parts_of[1]
+    same = parts_of[0] is not None and parts_of[0] is parts_of[1]  # independent DOFs of both blocks
+    moves = np.zeros(len(joint.area), dtype=bool)
+    for axis in range(3):
+        seen_I, seen_J = (
+            weights @ csr_matrix(rows[3 * nodes + axis])
+            for weights, rows, nodes in zip(joint.weights, spread, joint.nodes, strict=True)
+        )
+        seen = seen_J - seen_I if same else hstack([seen_I, seen_J])
+        changes = abs(seen).max(axis=1).toarray().ravel()
+        moves |= (changes > _NOTHING) & (np.abs(joint.axes[:, 0, axis]) > _NOTHING)
+    return moves
 
 
 def _select(joint: Joint, keep: Ints) -> Joint:
     """The joint with some of its gaps, and with the nodes that these see."""
     if len(keep) == len(joint.area):
         return joint
-    both = [joint.weights, *([] if joint.at_point is None else [joint.at_point])]
-    rows = [[csr_matrix(side[keep]) for side in weights] for weights in both]
+    operators = [joint.weights, *([] if joint.at_point is None else [joint.at_point])]
+    rows = [[csr_matrix(side[keep]) for side in operator] for operator in operators]
     seen = [np.unique(np.concatenate([side.indices for side in sides])) for sides in zip(*rows, strict=True)]
     cut = [tuple(side[:, s] for side, s in zip(sides, seen, strict=True)) for sides in rows]
     laws = tuple(replace(each, values=each.values[keep], on=each.on[keep]) for each in joint.laws)
     of_gaps = (
-        "position",
-        "corner",
-        "area",
-        "share",
-        "axes",
-        "gap",
-        "K_n",
-        "K_nz",
-        "K_s",
-        "mu",
-        "viscosity",
-        "grout",
-        "water",
-    )
+        "position", "corner", "area", "share", "axes", "gap", "K_n", "K_nz", "K_s", "mu", "viscosity",
+        "grout", "water",
+    )  # fmt: skip
     return replace(
         joint,
         nodes=(joint.nodes[0][seen[0]], joint.nodes[1][seen[1]]),

@@ -34,13 +34,34 @@ def coincident_facets(block_I: Block, block_J: Block, tolerance: float, location
     MeshError
         when faces lie on each other but their meshes do not conform.
     """
-    sides = [_Side(block) for block in (block_I, block_J)]
-    partner = _mutual_partners(sides[0], sides[1], tolerance)
-    matched = _matched_facets(sides[0], sides[1], partner)
-    _refuse_nonconforming(sides, matched, partner, tolerance, location)
-    if not matched[0].any():
+    I, J = _Side(block_I), _Side(block_J)
+
+    # partner in J of every node of I: each is the other's nearest, within the tolerance
+    points_I, points_J = I.points[I.nodes], J.points[J.nodes]
+    distance, forth = nearest(points_J, points_I, tolerance * (1 + 1e-9))
+    within = np.isfinite(distance)
+    back = nearest(points_I, points_J[forth[within]])[1]
+    mutual = np.flatnonzero(within)[back == np.flatnonzero(within)]
+    partner = np.full(len(I.points), -1)
+    partner[I.nodes[mutual]] = J.nodes[forth[mutual]]
+
+    # facets that have the same nodes and look at each other
+    matched_I, matched_J = np.zeros(len(I.facets), dtype=bool), np.zeros(len(J.facets), dtype=bool)
+    width = max(side.facets.shape[1] for side in (I, J))
+    facets_I, facets_J = (
+        np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), mode="edge") for s in (I, J)
+    )
+    number = {tuple(key): f for f, key in enumerate(facet_keys(facets_J).tolist())}
+    images = facet_keys(partner[facets_I])
+    for f in np.flatnonzero(images[:, 0] >= 0):
+        facing = number.get(tuple(images[f].tolist()))
+        if facing is not None and I.normals[f] @ J.normals[facing] < _OPPOSED:
+            matched_I[f] = matched_J[facing] = True
+
+    _refuse_nonconforming((I, J), (matched_I, matched_J), partner, tolerance, location)
+    if not matched_I.any():
         raise ConfigError(do_not_touch(block_I, block_J, tolerance, location))
-    return sides[0].facets[matched[0]], partner
+    return I.facets[matched_I], partner
 
 
 class _Side:
@@ -54,78 +75,39 @@ class _Side:
         self.normals = facet_normals(block.points, self.facets)
 
 
-def _mutual_partners(side_I: _Side, side_J: _Side, tolerance: float) -> Ints:
-    """Partner in J of every node of I: each is the other's nearest, within the tolerance."""
-    points_I, points_J = side_I.points[side_I.nodes], side_J.points[side_J.nodes]
-    distance, forth = nearest(points_J, points_I, tolerance * (1 + 1e-9))
-    within = np.isfinite(distance)
-    back = nearest(points_I, points_J[forth[within]])[1]
-    mutual = np.flatnonzero(within)[back == np.flatnonzero(within)]
-    partner = np.full(len(side_I.points), -1)
-    partner[side_I.nodes[mutual]] = side_J.nodes[forth[mutual]]
-    return partner
-
-
-def _matched_facets(side_I: _Side, side_J: _Side, partner: Ints) -> tuple[Bools, Bools]:
-    """Facets of I and of J that have the same nodes and look at each other."""
-    matched = np.zeros(len(side_I.facets), dtype=bool), np.zeros(len(side_J.facets), dtype=bool)
-    width = max(side.facets.shape[1] for side in (side_I, side_J))
-    facets_I, other = (
-        np.pad(s.facets, ((0, 0), (0, width - s.facets.shape[1])), mode="edge") for s in (side_I, side_J)
-    )
-    number = {tuple(key): f for f, key in enumerate(facet_keys(other).tolist())}
-    images = facet_keys(partner[facets_I])
-    for f in np.flatnonzero(images[:, 0] >= 0):
-        facing = number.get(tuple(images[f].tolist()))
-        if facing is not None and side_I.normals[f] @ side_J.normals[facing] < _OPPOSED:
-            matched[0][f] = matched[1][facing] = True
-    return matched
-
-
 def _refuse_nonconforming(
-    sides: list[_Side], matched: tuple[Bools, Bools], partner: Ints, tolerance: float, location: str
+    sides: tuple[_Side, _Side], matched: tuple[Bools, Bools], partner: Ints, tolerance: float, location: str
 ) -> None:
     """Raise if a facet without a partner lies on a facet of the other block."""
-    left, right = (np.flatnonzero(~m) for m in matched)
-    over_I = left[_overlaps(sides[0], left, sides[1], right, tolerance)]
-    over_J = right[_overlaps(sides[1], right, sides[0], left, tolerance)]
+    I, J = sides
+    left_I, left_J = (np.flatnonzero(~m) for m in matched)
+    over_I = left_I[_overlaps(I, left_I, J, left_J, tolerance)]
+    over_J = left_J[_overlaps(J, left_J, I, left_I, tolerance)]
     if not len(over_I) and not len(over_J):
         return
-    has_partner = np.zeros(len(sides[1].points), dtype=bool)
+    name_I, name_J = I.block.name, J.block.name
+    has_partner = np.zeros(len(J.points), dtype=bool)
     has_partner[partner[partner >= 0]] = True
-    nodes_I = np.unique(sides[0].facets[over_I])
-    nodes_J = np.unique(sides[1].facets[over_J])
-    lonely = nodes_I[partner[nodes_I] < 0], nodes_J[~has_partner[nodes_J]]
-    raise MeshError(_does_not_conform(sides, (over_I, over_J), lonely, tolerance, location))
-
-
-def _does_not_conform(
-    sides: list[_Side], over: tuple[Ints, Ints], lonely: tuple[Ints, Ints], tolerance: float, location: str
-) -> str:
-    names = [side.block.name for side in sides]
-    counts = " and ".join(
-        f"{len(nodes)} of block {name!r}" for name, nodes in zip(names, lonely, strict=True) if len(nodes)
-    )
-    where = np.vstack([side.points[nodes] for side, nodes in zip(sides, lonely, strict=True)])
+    nodes_I, nodes_J = np.unique(I.facets[over_I]), np.unique(J.facets[over_J])
+    lonely_I, lonely_J = nodes_I[partner[nodes_I] < 0], nodes_J[~has_partner[nodes_J]]
+    where = np.vstack([I.points[lonely_I], J.points[lonely_J]])
+    lonely = (name_I, lonely_I), (name_J, lonely_J)
+    counts = " and ".join(f"{len(nodes)} of block {name!r}" for name, nodes in lonely if len(nodes))
     if not len(where):
-        where = np.vstack([s.points[s.facets[f]].mean(axis=1) for s, f in zip(sides, over, strict=True)])
-        counts = f"none, but {len(over[0])} facets of {names[0]!r} are cut otherwise than those they touch"
-    kinds = {side.block.element for side in sides}
-    elements = f" ({' against '.join(s.block.element for s in sides)})" if len(kinds) > 1 else ""
-    return (
-        f"{location}: the meshes of {names[0]!r} and {names[1]!r} do not conform{elements}: nodes on the "
-        "common "
-        f"face without a partner within {tolerance:g} m: {counts}; {_positions(where)}; mesh both blocks "
-        f"with the same nodes on the common face, raise its `tolerance` if they are the same, or couple the "
-        f"faces by discretization: mortar"
-    )
-
-
-def _positions(points: Floats) -> str:
-    texts = ", ".join("(" + ", ".join(f"{x:.6g}" for x in p) + ")" for p in points[:_SHOWN])
-    low, high = points.min(axis=0), points.max(axis=0)
+        where = np.vstack([s.points[s.facets[f]].mean(axis=1) for s, f in ((I, over_I), (J, over_J))])
+        counts = f"none, but {len(over_I)} facets of {name_I!r} are cut otherwise than those they touch"
+    kinds = I.block.element, J.block.element
+    elements = f" ({' against '.join(kinds)})" if kinds[0] != kinds[1] else ""
+    first = ", ".join("(" + ", ".join(f"{x:.6g}" for x in p) + ")" for p in where[:_SHOWN])
+    low, high = where.min(axis=0), where.max(axis=0)
     extent = ", ".join(f"{a} {x:.6g}..{y:.6g}" for a, x, y in zip("xyz", low, high, strict=True))
-    return f"at {texts}{', ...' if len(points) > _SHOWN else ''} (within {extent} m)"
+    more = ", ..." if len(where) > _SHOWN else ""
+    raise MeshError(
+        f"{location}: the meshes of {name_I!r} and {name_J!r} do not conform{elements}: nodes on the common "
+        f"face without a partner within {tolerance:g} m: {counts}; at {first}{more} (within {extent} m); "
+        "mesh both blocks with the same nodes on the common face, raise its `tolerance` if they are the "
+        "same, or couple the faces by discretization: mortar"
+    )
 
 
 def do_not_touch(block_I: Block, block_J: Block, tolerance: float, location: str) -> str:
@@ -151,9 +133,23 @@ def _overlaps(side: _Side, which: Ints, other: _Side, among: Ints, tolerance: fl
     on = np.zeros(len(which), dtype=bool)
     if not len(which) or not len(among):
         return on
-    samples = _inner_points(side.points, side.facets[which])
-    triangles, owner = _triangles(other.points, other.facets[among])
-    near = _inside_box(samples, triangles, tolerance)
+    # centroid and a point near each corner, inside every facet, (nf, corners + 1, 3)
+    facets = side.facets[which]
+    corner = side.points[facets[:, : facet_frame(facets).corners]]
+    centre = corner.mean(axis=1, keepdims=True)
+    samples = np.concatenate([centre, centre + 0.95 * (corner - centre)], axis=1)
+
+    # corner triangles of the other's facets, (nt, 3, 3), and the facet of each
+    facets = other.facets[among]
+    triangles, owner = other.points[facets[:, : facet_frame(facets).corners]], np.arange(len(facets))
+    if triangles.shape[1] == 4:
+        halved = np.flatnonzero(facets[:, 2] != facets[:, 3])  # in a triangle the last node stands twice
+        triangles = np.concatenate([triangles[:, [0, 1, 2]], triangles[halved][:, [0, 2, 3]]])
+        owner = np.r_[owner, halved]
+
+    low = triangles.min(axis=(0, 1)) - tolerance
+    high = triangles.max(axis=(0, 1)) + tolerance
+    near = ((samples >= low) & (samples <= high)).all(axis=2).any(axis=1)
     if not near.any():
         return on
     normals = facet_normals(other.points, other.facets)[among][owner]
@@ -165,29 +161,6 @@ def _overlaps(side: _Side, which: Ints, other: _Side, among: Ints, tolerance: fl
         candidates = candidates[normals[candidates] @ side.normals[which[f]] < _OPPOSED]
         on[f] = _any_inside(samples[f], triangles[candidates], tolerance)
     return on
-
-
-def _inner_points(points: Floats, facets: Ints) -> Floats:
-    """Centroid and a point near each corner, inside every facet, (nf, corners + 1, 3)."""
-    corner = points[facets[:, : facet_frame(facets).corners]]
-    centre = corner.mean(axis=1, keepdims=True)
-    return np.concatenate([centre, centre + 0.95 * (corner - centre)], axis=1)
-
-
-def _triangles(points: Floats, facets: Ints) -> tuple[Floats, Ints]:
-    """Corner triangles of facets, (nt, 3, 3), and the facet of each."""
-    corner = points[facets[:, : facet_frame(facets).corners]]
-    if corner.shape[1] == 3:
-        return corner, np.arange(len(facets))
-    rest = np.flatnonzero(facets[:, 2] != facets[:, 3])  # of quadrilaterals
-    halves = np.concatenate([corner[:, [0, 1, 2]], corner[rest][:, [0, 2, 3]]])
-    return halves, np.r_[np.arange(len(facets)), rest]
-
-
-def _inside_box(samples: Floats, triangles: Floats, tolerance: float) -> Bools:
-    low = triangles.min(axis=(0, 1)) - tolerance
-    high = triangles.max(axis=(0, 1)) + tolerance
-    return ((samples >= low) & (samples <= high)).all(axis=2).any(axis=1)
 
 
 def _any_inside(points: Floats, triangles: Floats, tolerance: float) -> bool:

@@ -7,8 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from romdam.core.scene import Block, Joint, Material, Reservoir, Scene
-from romdam.geometry.elements import Floats
+from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.geometry.facets import boundary_facets, facet_areas
 from romdam.geometry.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
@@ -35,24 +34,42 @@ def odd_remarks(
     Parameters
     ----------
     materials : by name, as they stand in the configuration
-    generated : joints that a dam's own keys make, which cover what these say
+    generated : joints that the keys of a dam make, which cover what these say
     """
-    return (
-        *(line for name, material in materials.items() for line in _material(name, material)),
-        *_extent(scene.blocks),
-        *(line for block in scene.blocks.values() for line in _slender(block)),
-        *(line for joint in scene.joints.values() for line in _stiffness(joint, scene.blocks)),
-        *(
-            line
-            for name, joint in scene.joints.items()
-            if name not in generated
-            for line in _partly(joint, scene.blocks)
-        ),
-        *_unjoined(scene),
-        *_sinking(scene),
-        *_short_reservoir(scene.reservoir),
-        *_added_up(scene),
-    )
+    remarks = []
+    for name, material in materials.items():
+        remarks += _material(name, material)
+    low = np.min([block.points.min(axis=0) for block in scene.blocks.values()], axis=0)
+    high = np.max([block.points.max(axis=0) for block in scene.blocks.values()], axis=0)
+    extent = float((high - low).max())
+    if not _EXTENT[0] <= extent <= _EXTENT[1]:
+        remarks.append(
+            f"blocks: all together reach over {extent:.4g} m; are their sizes, or `unit` of their meshes, in "
+            "mm?"
+        )
+    for block in scene.blocks.values():
+        remarks += _slender(block)
+    for joint in scene.joints.values():
+        remarks += _stiffness(joint, scene.blocks)
+    for name, joint in scene.joints.items():
+        if name not in generated:
+            remarks += _partly(joint, scene.blocks)
+    remarks += _unjoined(scene)
+    if scene.gravity.any() and not scene.staged_weight:
+        remarks += [
+            f"blocks.{name}: gravity lets the rock sink onto the springs of its viscous faces, the dam with "
+            "it, though its weight has acted before there was a dam; give it `weight: false`"
+            for name, block in scene.blocks.items()
+            if block.absorbing and name not in scene.excluded_from_gravity
+        ]
+    water = scene.reservoir
+    if water and water.solved and water.mesh is None and water.length < _SHORT * water.depth:
+        remarks.append(
+            f"water.length = {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
+            f"{water.depth:.4g} m: water shut in so close before the dam moves with it as a reservoir's does "
+            "not; three depths are usual"
+        )
+    return (*remarks, *_added_up(scene))
 
 
 def _material(name: str, material: Material) -> list[str]:
@@ -71,17 +88,6 @@ def _material(name: str, material: Material) -> list[str]:
     return remarks
 
 
-def _extent(blocks: dict[str, Block]) -> list[str]:
-    low = np.min([block.points.min(axis=0) for block in blocks.values()], axis=0)
-    high = np.max([block.points.max(axis=0) for block in blocks.values()], axis=0)
-    extent = float((high - low).max())
-    if _EXTENT[0] <= extent <= _EXTENT[1]:
-        return []
-    return [
-        f"blocks: all together reach over {extent:.4g} m; are their sizes, or `unit` of their meshes, in mm?"
-    ]
-
-
 def _slender(block: Block) -> list[str]:
     """Elements whose longest edge is many times their shortest."""
     ends = block.points[block.cells[:, np.array(frame(block.element).edges)]]
@@ -91,9 +97,9 @@ def _slender(block: Block) -> list[str]:
         return []
     at = ", ".join(f"{x:.6g}" for x in ends[np.argmax(aspect)].mean(axis=(0, 1)))
     return [
-        f"blocks.{block.name}: the edges of {int((aspect > _SLENDER).sum())} of its {len(aspect)} "
-        "elements differ by "
-        f"more than {_SLENDER:g} times ({aspect.max():.3g} times around ({at})); stress there is poor"
+        f"blocks.{block.name}: the edges of {int((aspect > _SLENDER).sum())} of its {len(aspect)} elements "
+        f"differ by more than {_SLENDER:g} times ({aspect.max():.3g} times around ({at})); stress there is "
+        "poor"
     ]
 
 
@@ -104,20 +110,10 @@ def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
     pair = [blocks[name] for name in joint.blocks]
     length = min(float(np.ptp(block.points @ normal)) for block in pair)
     modulus, size = min(block.material.E for block in pair), float(np.sqrt(np.median(joint.area)))
-    for key, stiffness, acts, exact in (
-        (
-            "normal_stiffness",
-            joint.K_n,
-            "closed, the joint hardly holds the blocks apart",
-            "`rigid` is exact, and quicker",
-        ),
-        (
-            "shear_stiffness",
-            joint.K_s,
-            "sticking, the joint hardly holds the blocks",
-            "so much is slow to solve",
-        ),
-    ):
+    if_soft = "closed, the joint hardly holds the blocks apart", "sticking, the joint hardly holds the blocks"
+    if_stiff = "`rigid` is exact, and quicker", "so much is slow to solve"
+    keys = ("normal_stiffness", joint.K_n), ("shear_stiffness", joint.K_s)
+    for (key, stiffness), acts, exact in zip(keys, if_soft, if_stiff, strict=True):
         if not np.isfinite(stiffness).all() or not (stiffness > 0.0).all():
             continue
         stiff = float(np.median(stiffness / joint.area))
@@ -133,16 +129,6 @@ def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
                 f"element has (E/h = {modulus / size:.3g} N/m3); {exact}"
             )
     return remarks
-
-
-def _short_reservoir(water: Reservoir | None) -> list[str]:
-    if water is None or not water.solved or water.mesh is not None or water.length >= _SHORT * water.depth:
-        return []
-    return [
-        f"water.length = {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
-        f"{water.depth:.4g} m: water shut in so close before the dam moves with it as a reservoir's does "
-        "not; three depths are usual"
-    ]
 
 
 def _added_up(scene: Scene) -> list[str]:
@@ -171,18 +157,15 @@ def _partly(joint: Joint, blocks: dict[str, Block]) -> list[str]:
     normal, at = joint.axes[:, 0].mean(axis=0), joint.position.mean(axis=0)
     if np.abs((joint.position - at) @ normal).max() > _TOUCH:
         return []  # curved: no plane tells the face
-    faces = [_in_plane(blocks[name], normal, at) for name in joint.blocks]
+    faces = []  # areas of the blocks' facets in the joint's plane [m2]
+    for block in (blocks[name] for name in joint.blocks):
+        facets = boundary_facets(block.cells, block.element)
+        on = (np.abs((block.points[facets] - at) @ normal) <= _TOUCH).all(axis=1)
+        faces.append(float(facet_areas(block.points, facets[on]).sum()))
     if area >= _COVERED * min(faces):
         return []
     names = " and ".join(f"{face:.4g} m2 of {name!r}" for name, face in zip(joint.blocks, faces, strict=True))
     return [f"joints.{joint.name}: the faces lie on each other over {area:.4g} m2, of {names} in that plane"]
-
-
-def _in_plane(block: Block, normal: Floats, at: Floats) -> float:
-    """Area of a block's facets in a plane [m2]."""
-    facets = boundary_facets(block.cells, block.element)
-    on = (np.abs((block.points[facets] - at) @ normal) <= _TOUCH).all(axis=1)
-    return float(facet_areas(block.points, facets[on]).sum())
 
 
 def _unjoined(scene: Scene) -> list[str]:
@@ -191,30 +174,17 @@ def _unjoined(scene: Scene) -> list[str]:
     faces = {name: Surface.boundary(block) for name, block in scene.blocks.items()}
     remarks = []
     for pair in combinations(scene.blocks, 2):
-        points = [scene.blocks[name].points for name in pair]
-        apart = np.max([points_of.min(axis=0) for points_of in points], axis=0) - np.min(
-            [points_of.max(axis=0) for points_of in points], axis=0
-        )
+        a, b = (scene.blocks[name].points for name in pair)
+        low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
+        apart = low - high
         if frozenset(pair) in joined or apart.max() > _TOUCH:
             continue
         between = segments(faces[pair[0]], faces[pair[1]], _TOUCH)
         area = float(between.area[np.abs(between.distance) <= _TOUCH].sum())
         if area > _EDGE * min(faces[name].areas.min() for name in pair):
-            a, b = sorted(pair)
+            first, second = sorted(pair)
             remarks.append(
-                f"blocks {a!r} and {b!r} touch over {area:.4g} m2, and neither a joint nor a tie is "
+                f"blocks {first!r} and {second!r} touch over {area:.4g} m2, and neither a joint nor a tie is "
                 "between them: they will pass through each other; name one, unless it is meant"
             )
     return remarks
-
-
-def _sinking(scene: Scene) -> list[str]:
-    """Rock whose weight acts on the springs of its viscous faces."""
-    if not scene.gravity.any() or scene.staged_weight:
-        return []
-    heavy = [n for n, b in scene.blocks.items() if b.absorbing and n not in scene.excluded_from_gravity]
-    return [
-        f"blocks.{name}: gravity lets the rock sink onto the springs of its viscous faces, the dam with it, "
-        "though its weight has acted before there was a dam; give it `weight: false`"
-        for name in heavy
-    ]

@@ -20,7 +20,18 @@ def select_facets(block: Block, face: FaceRef, location: str) -> Ints:
         for an unknown face, and when nothing lies on the face or plane.
     """
     if isinstance(face, PlaneRef):
-        return _in_plane(block, face, location)
+        boundary = boundary_facets(block.cells, block.element)
+        axis = "xyz".index(face.axis)
+        facets = facets_in_plane(block.points, boundary, axis, face.at, face.tolerance)
+        if not len(facets):
+            along = block.points[boundary, axis]
+            off = np.abs(along - face.at).max(axis=1)
+            raise ConfigError(
+                f"{location}: the plane {face.axis} = {face.at:g} m catches no node of block {block.name!r}, "
+                f"which spans {face.axis} = {along.min():g} to {along.max():g} m; its nearest facet is "
+                f"{off.min():.4g} m off, tolerance {face.tolerance:g} m; correct `at`, or raise `tolerance`"
+            )
+        return facets
     if face not in block.faces:
         known = ", ".join(sorted(block.faces)) or (
             "none (those of a mesh file are its groups of facets); select by plane: {axis: z, at: 0}"
@@ -61,25 +72,9 @@ def refuse_selected_twice(
     seen |= dict.fromkeys(keys, location)
     if len(set(keys)) < len(keys):
         raise ConfigError(
-            f"{location}: {len(keys) - len(set(keys))} of {len(keys)} facets of block {block!r} stand "
-            "twice in "
-            "that face, limit 0; name each facet of the mesh's group once"
+            f"{location}: {len(keys) - len(set(keys))} of {len(keys)} facets of block {block!r} stand twice "
+            "in that face, limit 0; name each facet of the mesh's group once"
         )
-
-
-def _in_plane(block: Block, plane: PlaneRef, location: str) -> Ints:
-    boundary = boundary_facets(block.cells, block.element)
-    axis = "xyz".index(plane.axis)
-    facets = facets_in_plane(block.points, boundary, axis, plane.at, plane.tolerance)
-    if not len(facets):
-        along = block.points[boundary, axis]
-        off = np.abs(along - plane.at).max(axis=1)
-        raise ConfigError(
-            f"{location}: the plane {plane.axis} = {plane.at:g} m catches no node of block {block.name!r}, "
-            f"which spans {plane.axis} = {along.min():g} to {along.max():g} m; its nearest facet is "
-            f"{off.min():.4g} m off, tolerance {plane.tolerance:g} m; correct `at`, or raise `tolerance`"
-        )
-    return facets
 
 
 def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float, location: str) -> int:
@@ -98,8 +93,7 @@ def nearest_node(block: Block, at: tuple[float, float, float], tolerance: float,
     if distance[node] > tolerance:
         nearest, wanted = (", ".join(f"{x:.6g}" for x in p) for p in (block.points[node], at))
         raise ConfigError(
-            f"{location}: no node of block {block.name!r} within {tolerance:g} m of ({wanted}); the "
-            "nearest is "
-            f"({nearest}), {distance[node]:.4g} m away; use its position, or raise `tolerance`"
+            f"{location}: no node of block {block.name!r} within {tolerance:g} m of ({wanted}); the nearest "
+            f"is ({nearest}), {distance[node]:.4g} m away; use its position, or raise `tolerance`"
         )
     return node

@@ -8,14 +8,11 @@ from scipy.sparse.csgraph import connected_components
 
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Bools, Ints, Joint, Tie
-from romdam.core.system import BlockMatrices
 from romdam.geometry.elements import Floats
 from romdam.linalg.factor import Factor
 
 _RANK = 1e-8  # relative singular value; the motions are scaled to be of order one
-_STRAINS = (
-    1e-6  # force of a rigid motion on an unknown, relative to its own stiffness, above round-off of text
-)
+_STRAINS = 1e-6  # force of a rigid motion on an unknown, relative to its stiffness, above round-off of text
 _ALONE = 1e-12  # of the diagonal, by which coordinates that may move alone are held
 _MOTIONS = tuple(f"{kind} {axis}" for kind in ("translation along", "rotation about") for axis in "xyz")
 
@@ -61,8 +58,8 @@ def refuse_free_blocks(
         elif joint.weights is not None:
             follows = ~fixed[joint.blocks[0]][joint.nodes[0]]
             I, J = (jump_rows.reshape(-1, 3, width)[follows] for jump_rows in (I, joint.weights @ J))
-        rows.append(_triangle((J - I).reshape(-1, width)))
-    free = _null_space(_triangle(np.vstack(rows)))
+        rows.append(np.linalg.qr((J - I).reshape(-1, width), mode="r"))  # the few rows that span them
+    free = _null_space(np.linalg.qr(np.vstack(rows), mode="r"))
     if free.shape[1]:
         raise ConfigError(_explain(bodies, free, bool(joints), source))
 
@@ -105,46 +102,40 @@ def _pieces(block: Block) -> tuple[int, Ints]:
 
 
 def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
-    """Displacement of nodes (all, if not given) in the six rigid motions of a block, (n, 3, 6).
+    """Displacement of nodes (all by default) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
-    of order one. For a block from matrices they are those of its unknowns, rotations included; internal
-    unknowns follow with the least strain energy.
+    of order one. Of a block with matrices they are those of the matrices' unknowns, rotations among them;
+    coordinates of other kinds follow with the least strain.
     """
-    if block.matrices is not None and (block.matrices.motion > 5).any():
-        every = _followed(block.matrices, _physical_motions(block, slice(None)))
-        return every if nodes is None else every[nodes]
-    return _physical_motions(block, slice(None) if nodes is None else nodes)
-
-
-def _followed(matrices: BlockMatrices, motions: Floats) -> Floats:
-    """Add the internal unknowns to motions (n, 3, 6) of the physical ones, with the least strain energy."""
-    inner = np.flatnonzero(matrices.motion.ravel() > 5)
-    followed = motions.reshape(-1, 6).copy()
-    force = (matrices.K @ followed)[inner]
-    stiffness = csr_matrix(matrices.K[inner][:, inner])
-    diagonal = stiffness.diagonal()
-    # they may move alone without strain; the force is none there
-    held = Factor(stiffness + diags_array(_ALONE * np.where(diagonal > 0.0, diagonal, 1.0)))
-    answer = held.solve(force)
-    followed[inner] = -(answer + held.solve(force - stiffness @ answer))
-    return followed.reshape(motions.shape)
-
-
-def _physical_motions(block: Block, which: Ints | slice) -> Floats:
-    """Rigid motions of the physical unknowns of some nodes, (k, 3, 6)."""
+    matrices = block.matrices
+    follow = matrices is not None and bool((matrices.motion > 5).any())
+    which = slice(None) if nodes is None or follow else nodes
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     radius = np.linalg.norm(high - low) / 2
     arm = (block.points[which] - (low + high) / 2) / radius
     turns = np.cross(np.eye(3)[None], arm[:, None, :]).transpose(0, 2, 1)
     motions = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
-    if block.matrices is None:
+    if matrices is None:
         return motions
-    kind = block.matrices.motion[which]
+    kind = matrices.motion[which]
     motions[(kind < 0) | (kind > 2)] = 0.0
     node, component = np.nonzero((kind > 2) & (kind < 6))
     motions[node, component, kind[node, component]] = 1.0 / radius
-    return motions
+    if not follow:
+        return motions
+
+    inner = np.flatnonzero(matrices.motion.ravel() > 5)
+    every = motions.reshape(-1, 6).copy()
+    force = (matrices.K @ every)[inner]
+    stiffness = csr_matrix(matrices.K[inner][:, inner])
+    diagonal = stiffness.diagonal()
+    # they may move alone without strain; the force is none there
+    held = Factor(stiffness + diags_array(_ALONE * np.where(diagonal > 0.0, diagonal, 1.0)))
+    answer = held.solve(force)
+    every[inner] = -(answer + held.solve(force - stiffness @ answer))
+    every = every.reshape(motions.shape)
+    return every if nodes is None else every[nodes]
 
 
 def motions_of_pieces(block: Block, nodes: int) -> Floats:
@@ -163,35 +154,23 @@ def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
 
 
 def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
-    """Rows that span the motions of a block which supports, springs or its stiffness matrix prevent."""
+    """Few rows that span what supports, springs and a block's matrices stop of its motions."""
     matrices = block.matrices
     held = (held if matrices is None else held & ~matrices.absent) | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
-    rows = _placed(block, nodes, first, width)[held[nodes]]
-    return _triangle(
-        rows if matrices is None else np.vstack([rows, _of_stiffness(matrices, block, first, width)])
-    )
-
-
-def _of_stiffness(matrices: BlockMatrices, block: Block, first: Ints, width: int) -> Floats:
-    """Rows of rigid motions that strain a block from matrices, or in which none of its unknowns moves."""
-    motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
-    unknown, body = ~matrices.absent.ravel(), slice(first[0], first[0] + 6)
-    force = (matrices.K @ motions)[unknown] / matrices.K.diagonal()[unknown, None]
-    unseen = np.zeros((width, width))
-    unseen[body, body] = _unseen(motions[unknown, body])
-    return np.vstack([np.where(np.abs(force) > _STRAINS, force, 0.0), unseen])
-
-
-def _unseen(motions: Floats) -> Floats:
-    """(6, 6) projector on the motions in which no row of (n, 6) moves."""
-    free = _null_space(_triangle(motions))
-    return np.asarray(free @ free.T)
-
-
-def _triangle(rows: Floats) -> Floats:
-    """The few rows (QR) that span what many rows span."""
-    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)
+    rows = [_placed(block, nodes, first, width)[held[nodes]]]
+    if matrices is not None:
+        motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
+        unknown, body = ~matrices.absent.ravel(), slice(first[0], first[0] + 6)
+        # motions that meet the stiffness
+        force = (matrices.K @ motions)[unknown] / matrices.K.diagonal()[unknown, None]
+        rows.append(np.where(np.abs(force) > _STRAINS, force, 0.0))
+        # a projector on motions in which no unknown moves
+        unseen = np.zeros((width, width))
+        free = _null_space(np.linalg.qr(motions[unknown, body], mode="r"))
+        unseen[body, body] = free @ free.T
+        rows.append(unseen)
+    return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
 
 
 def _null_space(rows: Floats) -> Floats:
@@ -201,26 +180,25 @@ def _null_space(rows: Floats) -> Floats:
 
 
 def _explain(bodies: list[str], free: Floats, any_joint: bool, source: str) -> str:
+    """Say which bodies are free to move how, from a basis of the free motions (6 bodies, m)."""
     by_body = free.reshape(len(bodies), 6, -1)
-    loose = [k for k in range(len(bodies)) if np.linalg.norm(by_body[k], axis=0).max() > 1e-6]
-    listed = ", ".join(f"{bodies[k]} ({_motions(by_body[k])})" for k in loose)
+    loose = []
+    for body, motions in zip(bodies, by_body, strict=True):
+        if np.linalg.norm(motions, axis=0).max() <= 1e-6:
+            continue
+        U, singular, _ = np.linalg.svd(motions, full_matrices=False)
+        rank = int(np.count_nonzero(singular > 1e-6))
+        reach = np.linalg.norm(U[:, :rank], axis=1)
+        able = [name for name, r in zip(_MOTIONS, reach, strict=True) if r > 1.0 - 1e-6]
+        if len(able) < rank:
+            able.append(f"{rank - len(able)} combined motions")
+        how = "free to move in every way" if rank == 6 else "free in " + ", ".join(able)
+        loose.append(f"{body} ({how})")
     why = "neither supports nor joints hold" if any_joint else "no support holds"
     return (
-        f"{source}: supports: {why} {listed}; "
-        f"{free.shape[1]} rigid motions are free, limit 0; add a support, or a joint to a block that is held"
+        f"{source}: supports: {why} {', '.join(loose)}; {free.shape[1]} rigid motions are free, limit 0; add "
+        "a support, or a joint to a block that is held"
     )
-
-
-def _motions(motions: Floats) -> str:
-    """Names of the unit motions that a block can make, out of its free ones (6, m)."""
-    U, singular, _ = np.linalg.svd(motions, full_matrices=False)
-    rank = int(np.count_nonzero(singular > 1e-6))
-    if rank == 6:
-        return "free to move in every way"
-    reach = np.linalg.norm(U[:, :rank], axis=1)
-    able = [name for name, r in zip(_MOTIONS, reach, strict=True) if r > 1.0 - 1e-6]
-    others = [f"{rank - len(able)} combined motions"] if len(able) < rank else []
-    return "free in " + ", ".join(able + others)
 
 
 def sprung(block: Block) -> Bools:
@@ -246,5 +224,5 @@ def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = 
         tied = np.unique(ties.indices // 3)
         columns = (3 * tied[:, None] + np.arange(3)).ravel()
         motions = _placed(block, tied, 6 * piece, 6 * count).reshape(-1, 6 * count)
-        seen = np.vstack([seen, _triangle(ties[:, columns] @ motions)])
+        seen = np.vstack([seen, np.linalg.qr(ties[:, columns] @ motions, mode="r")])
     return _null_space(np.vstack([np.zeros((1, 6 * count)), seen])).shape[1] == 0

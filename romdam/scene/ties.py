@@ -1,10 +1,11 @@
-"""Ties, the merged interfaces of blocks: which nodes are one, which follow others, and the parts that result.
+"""Ties, the merged interfaces of blocks: nodes that are the same, nodes that follow others, and the parts.
 
-Where two meshes have the same nodes on their common face, the nodes of a pair are one. Where they have not, a
-mortar tie makes every node of its slave face a weighted mean of nodes of the master's: it follows them and is
-no unknown. What a node follows may follow others in turn. A node that follows in several ties takes the mean
-of what they say by tributary area, so that slave faces whose nodes are one count as one face. A component
-that a support holds stays held and does not follow: there the support carries what the tie would have.
+Where two meshes have the same nodes on their common face, each pair becomes a single node. Where they have
+not, a mortar tie makes every node of its slave face a weighted mean of nodes of the master's: it follows them
+and is no unknown. What a node follows may follow others in turn. A node that follows in several ties takes
+the mean of what they say by tributary area, so that slave faces that share nodes count as one face. A
+component that a support holds stays held and does not follow: there the support carries what the tie would
+have.
 """
 
 from __future__ import annotations
@@ -132,17 +133,25 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], location: str
     """
     I, J = (blocks[b] for b in tie.between)
     refuse_tied((I, J), location)
-    if tie.discretization == "mortar":
-        return _mortar(name, tie, (I, J), location)
-    try:
-        facets, partner = coincident_facets(I, J, tie.tolerance, location)
-    except (ConfigError, MeshError):
-        if tie.discretization == "node_to_node":
-            raise
-        _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
-        return _mortar(name, tie, (I, J), location)
-    nodes = np.unique(facets)
-    return Tie(name, tie.between, (nodes, partner[nodes]))
+    if tie.discretization != "mortar":
+        try:
+            facets, partner = coincident_facets(I, J, tie.tolerance, location)
+        except (ConfigError, MeshError):
+            if tie.discretization == "node_to_node":
+                raise
+            _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
+        else:
+            nodes = np.unique(facets)
+            return Tie(name, tie.between, (nodes, partner[nodes]))
+    interface = mortar_interface(I, J, tie.tolerance, tie.overlap, location)
+    weights = tie_weights(interface)
+    slave, master = interface.slave, interface.master
+    _log.info(
+        "%s: mortar, %d nodes of %r follow those of %r over %.6g m2, at most %.3g m apart",
+        location, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
+    )  # fmt: skip
+    sides = slave.block, master.block
+    return Tie(name, sides, (weights.slave, weights.master), weights.weights, weights.area)
 
 
 def refuse_tied(blocks: tuple[Block, Block], location: str) -> None:
@@ -156,8 +165,7 @@ def refuse_tied(blocks: tuple[Block, Block], location: str) -> None:
         if block.matrices is not None:
             raise ConfigError(
                 f"{location}: block {block.name!r} has matrices of its own, which no tie can have, limit 0 "
-                "such "
-                "blocks; give it a joint, or tie the meshes before the matrices are made"
+                "such blocks; give it a joint, or tie the meshes before the matrices are made"
             )
 
 
@@ -182,18 +190,6 @@ def tie_joints(scene: Scene, names: Collection[str], joints: Mapping[str, JointC
         tied.append(build_tie(name, tie, scene.blocks, f"{source}: joints.{name}"))
     rest = {name: joint for name, joint in scene.joints.items() if name not in names}
     return replace(scene, joints=rest, ties=(*scene.ties, *tied))
-
-
-def _mortar(name: str, tie: TieConfig, blocks: tuple[Block, Block], location: str) -> Tie:
-    interface = mortar_interface(*blocks, tie.tolerance, tie.overlap, location)
-    weights = tie_weights(interface)
-    slave, master = interface.slave, interface.master
-    _log.info(
-        "%s: mortar, %d nodes of %r follow those of %r over %.6g m2, at most %.3g m apart",
-        location, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
-    )  # fmt: skip
-    nodes = weights.slave, weights.master
-    return Tie(name, (slave.block, master.block), nodes, weights.weights, weights.area)
 
 
 def scene_parts(scene: Scene) -> dict[str, Part]:
@@ -231,7 +227,8 @@ def merged_parts(fixed: Mapping[str, Bools], ties: tuple[Tie, ...]) -> dict[str,
         distinct, inverse = np.unique(np.concatenate(numbers), return_inverse=True)
         ends = np.cumsum([len(n) for n in numbers])[:-1]
         number = dict(zip(members, np.split(inverse.astype(np.int64), ends), strict=True))
-        part = Part(_part_name(members), tuple(members), number, len(distinct))
+        name = "+".join(members) if len(members) <= _NAMED else f"{members[0]}+...+{members[-1]}"
+        part = Part(name, tuple(members), number, len(distinct))
         mortar = [t for t in ties if t.weights is not None and t.blocks[0] in members]
         parts[part.name] = _with_slaves(part, mortar, fixed) if mortar else part
     return parts
@@ -240,17 +237,37 @@ def merged_parts(fixed: Mapping[str, Bools], ties: tuple[Tie, ...]) -> dict[str,
 def _with_slaves(part: Part, ties: list[Tie], fixed: Mapping[str, Bools]) -> Part:
     """A part whose nodes are all independent with those that follow behind the others."""
     means = _means(part, ties)
+    circle = connected_components(means, directed=True, connection="strong")[1]
+    within = np.flatnonzero(np.bincount(circle)[circle] > 1)
+    if len(within):
+        names = [t.name for t in ties if np.isin(part.number[t.blocks[0]][t.nodes[0]], within).any()]
+        listed = [
+            f"node {node} of block {name!r}"
+            for name in part.blocks
+            for node in np.flatnonzero(np.isin(part.number[name], within))
+        ]
+        more = f" and {len(listed) - _NAMED} more" if len(listed) > _NAMED else ""
+        raise ConfigError(
+            f"ties.{', ties.'.join(names)}: {len(within)} slave nodes follow each other round in a circle "
+            f"({', '.join(listed[:_NAMED])}{more}), limit 0; give two of the faces the same nodes, or mesh "
+            "one so finely that its nodes follow in both of its ties"
+        )
+
     follows = np.diff(means.indptr) > 0
     order, nodes = np.argsort(follows, kind="stable"), int((~follows).sum())
-    _refuse_circles(part, ties, means)
     position = np.empty(len(order), dtype=np.int64)
     position[order] = np.arange(len(order))
     held = part.fixed(fixed)[order[nodes:]].ravel()
     rows = diags_array((~held).astype(float)) @ kron(
         means[order[nodes:]][:, order], eye_array(3), format="csr"
     )
+    rows = csr_matrix(rows)
+    # what slave DOFs follow in the end: with rows [D, C] it is (I - C)^-1 D = ... (I + C^2) (I + C) D
+    direct, chained = rows[:, : 3 * nodes], rows[:, 3 * nodes :]
+    while chained.nnz:
+        direct, chained = direct + chained @ direct, chained @ chained
     number = {name: position[numbers] for name, numbers in part.number.items()}
-    return replace(part, number=number, nodes=nodes, slaves=_resolved(csr_matrix(rows), 3 * nodes))
+    return replace(part, number=number, nodes=nodes, slaves=csr_matrix(direct))
 
 
 def _means(part: Part, ties: list[Tie]) -> csr_matrix:
@@ -273,47 +290,7 @@ def _means(part: Part, ties: list[Tie]) -> csr_matrix:
     return total
 
 
-def _resolved(rows: csr_matrix, free: int) -> csr_matrix:
-    """Weights of what slave DOFs follow in the end: (I - C)^-1 D = ... (I + C^2) (I + C) D.
-
-    Parameters
-    ----------
-    rows : (s, free + s) [D, C]
-    free : DOFs that follow nothing
-    """
-    direct, chained = rows[:, :free], rows[:, free:]
-    while chained.nnz:  # a circle would not come to an end
-        direct, chained = direct + chained @ direct, chained @ chained
-    return csr_matrix(direct)
-
-
-def _refuse_circles(part: Part, ties: list[Tie], means: csr_matrix) -> None:
-    """Raise where nodes follow each other round in a circle."""
-    circle = connected_components(means, directed=True, connection="strong")[1]
-    within = np.flatnonzero(np.bincount(circle)[circle] > 1)
-    if not len(within):
-        return
-    names = [t.name for t in ties if np.isin(part.number[t.blocks[0]][t.nodes[0]], within).any()]
-    nodes = [
-        f"node {node} of block {name!r}"
-        for name in part.blocks
-        for node in np.flatnonzero(np.isin(part.number[name], within))
-    ]
-    more = f" and {len(nodes) - _NAMED} more" if len(nodes) > _NAMED else ""
-    raise ConfigError(
-        f"ties.{', ties.'.join(names)}: {len(within)} slave nodes follow each other round in a circle "
-        f"({', '.join(nodes[:_NAMED])}{more}), limit 0; give two of the "
-        "faces the same nodes, or mesh one so finely that its nodes follow in both of its ties"
-    )
-
-
 def _components(pairs: Ints, count: int) -> Ints:
     """Component of each of `count` things linked by pairs (n, 2)."""
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
-
-
-def _part_name(members: list[str]) -> str:
-    if len(members) <= _NAMED:
-        return "+".join(members)
-    return f"{members[0]}+...+{members[-1]}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError
 from romdam.geometry.cutting.mesh import Mesh
 from romdam.geometry.cutting.surfaces import Surface, crossing_shares, on_edges
@@ -36,9 +36,27 @@ def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, location: str) ->
     across = sign[cells][:, _FAMILIES]
     across = across[..., 0] * across[..., 1] < 0.0  # (n, 3 families, 4 edges)
     family = np.argmax(across.sum(axis=2), axis=1)
-    _refuse_others(mesh, cells, across, family, location)
-    ends = np.take_along_axis(mesh.cells[cells], _FAMILIES[family].reshape(-1, 8), 1).reshape(-1, 4, 2)
-    points, new = _new_nodes(mesh, ends, surface)
+    counts = across.sum(axis=(1, 2))
+    quadrilateral = across[np.arange(len(cells)), family].all(axis=1) & (counts == 4)
+    if not quadrilateral.all():
+        worst = np.argmin(quadrilateral)
+        at = ", ".join(f"{x:.6g}" for x in mesh.points[mesh.cells[cells[worst]]].mean(axis=0))
+        raise MeshError(
+            f"{location}: the surface crosses {int(counts[worst])} edges of the hexahedron around ({at}) m "
+            f"({np.count_nonzero(~quadrilateral)} of {len(cells)} are cut like this, limit 0); hexahedra are "
+            "cut in two only through four edges that run side by side; mesh the block with tetrahedra "
+            "(tet10), or with element faces along the surface and `through: faces`"
+        )
+
+    # new nodes where the edges meet the surface, (n, 4) by cell
+    ends = np.take_along_axis(mesh.cells[cells], _FAMILIES[family].reshape(-1, 8), 1).reshape(-1, 2)
+    pairs = np.sort(ends, axis=1)
+    _, first, inverse = np.unique(row_numbers(pairs), return_index=True, return_inverse=True)
+    start, end = mesh.points[pairs[first, 0]], mesh.points[pairs[first, 1]]
+    middle = (start + end) / 2.0
+    at_surface = on_edges(crossing_shares(surface, start, end, middle), start, end, middle)
+    points, new = np.vstack([mesh.points, at_surface]), len(mesh.points) + inverse.reshape(-1, 4)
+
     halves, origins = [], []
     row = np.arange(len(cells))
     for side in (0, 1):
@@ -57,31 +75,3 @@ def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, location: str) ->
     )
     level = np.concatenate([level, np.zeros(len(points) - len(level))])
     return cut.with_side(np.where(level[cut.cells].sum(axis=1) < 0.0, -1, 1))
-
-
-def _new_nodes(mesh: Mesh, ends: Ints, surface: Surface) -> tuple[Floats, Ints]:
-    """All points with those where edges (n, 4, 2) meet the surface, and the numbers of these (n, 4)."""
-    count = len(mesh.points)
-    pairs = np.sort(ends.reshape(-1, 2), axis=1)
-    _, first, inverse = np.unique(row_numbers(pairs), return_index=True, return_inverse=True)
-    start, end = mesh.points[pairs[first, 0]], mesh.points[pairs[first, 1]]
-    middle = (start + end) / 2.0
-    at = on_edges(crossing_shares(surface, start, end, middle), start, end, middle)
-    return np.vstack([mesh.points, at]), count + inverse.reshape(-1, 4)
-
-
-def _refuse_others(mesh: Mesh, cells: Ints, across: Bools, family: Ints, location: str) -> None:
-    counts = across.sum(axis=(1, 2))
-    quadrilateral = across[np.arange(len(cells)), family].all(axis=1) & (counts == 4)
-    if quadrilateral.all():
-        return
-    worst = cells[np.argmin(quadrilateral)]
-    at = ", ".join(f"{x:.6g}" for x in mesh.points[mesh.cells[worst]].mean(axis=0))
-    raise MeshError(
-        f"{location}: the surface crosses {int(counts[np.argmin(quadrilateral)])} edges of the hexahedron "
-        f"around ({at}) m "
-        f"({np.count_nonzero(~quadrilateral)} of {len(cells)} are cut like this, limit 0); hexahedra are "
-        "cut in two "
-        "only through four edges that run side by side; mesh the block with tetrahedra (tet10), or with "
-        "element faces along the surface and `through: faces`"
-    )

@@ -59,7 +59,7 @@ class Facets(NamedTuple):
     ----------
     rows : (nc times facets per cell, nodes per facet), outward of their cell
     cell : of each
-    pairs : (n, 2) numbers of facets that are one
+    pairs : (n, 2) numbers of facets that coincide
     boundary : numbers of those of one cell only
     corners : number of corner nodes, which come first in a row
     """

@@ -14,7 +14,7 @@ from romdam.geometry.elements import ELEMENTS
 from romdam.geometry.facets import area_vectors
 
 NEAR = 0.3  # of a node's shortest edge that crosses: how far it may be moved, so that no sliver is left
-_FLAT = 0.03  # mean square of the sine between faces around a node below which they are one smooth face
+_FLAT = 0.03  # mean square of the sine between faces around a node below which they are a single smooth face
 _ACROSS = 1e-4  # square of the sine between a surface and what a node can move along: below, it has no way
 _WORSE = 0.3  # of a cell's quality: below, one of its nodes is put back
 _ON = 1e-12  # of the largest coordinate: on the surface
@@ -37,7 +37,12 @@ def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
     level[corners] = surface.distance(mesh.points[corners])
     ends = mesh.corners[:, np.array(ELEMENTS[mesh.element].edges)].reshape(-1, 2)
     crossing = ends[level[ends[:, 0]] * level[ends[:, 1]] < 0.0]
-    shift = shift_onto(mesh, surface, corners, kept, NEAR * _shortest(mesh.points, crossing))
+    length = np.linalg.norm(mesh.points[crossing[:, 1]] - mesh.points[crossing[:, 0]], axis=1)
+    shortest = np.full(len(mesh.points), np.inf)  # of the edges that cross at a node
+    for column in crossing.T:
+        np.minimum.at(shortest, column, length)
+    shortest[np.isinf(shortest)] = 0.0
+    shift = shift_onto(mesh, surface, corners, kept, NEAR * shortest)
     shift[_put_back(mesh, shift)] = 0.0
     level[shift.any(axis=1) | on_surface(level, mesh.points)] = 0.0
     return with_shift(mesh, shift), level
@@ -50,26 +55,21 @@ def shift_onto(mesh: Mesh, surface: Surface, nodes: Ints, kept: Ints, reach: Flo
     """
     level = surface.distance(mesh.points[nodes])
     nodes = nodes[(np.abs(level) <= reach[nodes]) & ~on_surface(level, mesh.points)]
-    target = _onto(surface, mesh.points, nodes, _free_directions(mesh.points, kept, nodes))
+    projectors = _free_directions(mesh.points, kept, nodes)
+    target, small = mesh.points[nodes], _ON * float(np.abs(mesh.points).max())
+    for _ in range(_STEPS):  # Newton's method
+        height, normal = surface.distance(target), surface.normal(target)
+        way = np.einsum("kij,kj->ki", projectors, normal)
+        slope = np.einsum("ki,ki->k", way, normal)
+        length = np.divide(height, slope, out=np.zeros_like(height), where=slope > _ACROSS)
+        target = target - length[:, None] * way
+        if (np.abs(length) <= small / 100.0).all():
+            break
     way = target - mesh.points[nodes]
     on = on_surface(surface.distance(target), mesh.points) & (np.linalg.norm(way, axis=1) <= reach[nodes])
     shift = np.zeros_like(mesh.points)
     shift[nodes[on]] = way[on]
     return shift
-
-
-def _onto(surface: Surface, points: Floats, nodes: Ints, projectors: Floats) -> Floats:
-    """Points (k, 3) of the surface along what projectors (k, 3, 3) leave nodes free, by Newton's method."""
-    at = points[nodes]
-    for _ in range(_STEPS):
-        height, normal = surface.distance(at), surface.normal(at)
-        way = np.einsum("kij,kj->ki", projectors, normal)
-        slope = np.einsum("ki,ki->k", way, normal)
-        length = np.divide(height, slope, out=np.zeros_like(height), where=slope > _ACROSS)
-        at = at - length[:, None] * way
-        if (np.abs(length) <= _small(points) / 100.0).all():
-            break
-    return at
 
 
 def with_shift(mesh: Mesh, shift: Floats) -> Mesh:
@@ -97,15 +97,6 @@ def _free_directions(points: Floats, kept: Ints, nodes: Ints) -> Floats:
     return np.asarray(free @ vector.swapaxes(1, 2))
 
 
-def _shortest(points: Floats, ends: Ints) -> Floats:
-    """Length of the shortest of edges (ne, 2) at every node (n,) [m]; 0 where there is none."""
-    length = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1)
-    short = np.full(len(points), np.inf)
-    for side in (0, 1):
-        np.minimum.at(short, ends[:, side], length)
-    return np.where(np.isfinite(short), short, 0.0)
-
-
 def _put_back(mesh: Mesh, shift: Floats) -> Ints:
     """Nodes whose move would spoil a cell: of its nodes, those that move farthest, one after the other."""
     length, back = np.linalg.norm(shift, axis=1), np.zeros(len(shift), dtype=bool)
@@ -122,8 +113,4 @@ def _put_back(mesh: Mesh, shift: Floats) -> Ints:
 
 def on_surface(distance: Floats, points: Floats) -> Bools:
     """True where distances from a surface are rounding, for a mesh of such points."""
-    return np.asarray(np.abs(distance) <= _small(points))
-
-
-def _small(points: Floats) -> float:
-    return _ON * float(np.abs(points).max())
+    return np.asarray(np.abs(distance) <= _ON * float(np.abs(points).max()))

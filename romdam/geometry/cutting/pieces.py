@@ -11,8 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from romdam.config.quantities import to_si
-from romdam.config.sections.geometry.cut import CutConfig, CutSurfaceConfig
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.config.sections.geometry.cut import CutConfig
+from romdam.core.arrays import Bools, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
 from romdam.geometry.cutting.hexahedra import cut_hexahedra
@@ -61,10 +61,22 @@ def cut_block(block: Block, cuts: Cuts, folder: Path, source: str) -> dict[str, 
     names, labels = _labels(block.name, cuts, steps, mesh)
     mesh = _with_smooth_joints(mesh, labels, every)
     refuse_slivers(mesh, whole, [(step.surface, step.location) for step in every])
-    pieces = {name: _piece(name, block, mesh, labels == k) for k, name in enumerate(names)}
+    pieces = _pieces(block, mesh, names, labels)
     volume = sum(sound_volume(piece, location) for piece in pieces.values())
     log.info("%s: volume changes by %.2g of itself", location, volume / sound_volume(block, location) - 1.0)
-    _say_parts(mesh, names, labels, location)
+
+    # a surface may cross the block more than once, and leave blocks in parts that share no face
+    facets = Facets.of(mesh.element, mesh.cells)
+    a, b = facets.cell[facets.pairs].T
+    same = labels[a] == labels[b]
+    links = coo_array((np.ones(same.sum()), (a[same], b[same])), shape=(len(labels), len(labels)))
+    component = connected_components(links, directed=False)[1]
+    for k, name in enumerate(names):
+        if (count := len(np.unique(component[labels == k]))) > 1:
+            log.warning(
+                "%s: block %r is in %d parts that share no face; cut them apart, or check the surfaces",
+                location, name, count,
+            )  # fmt: skip
     return pieces
 
 
@@ -75,24 +87,24 @@ def _steps(name: str, cuts: Cuts, folder: Path, source: str) -> Steps:
     cut, steps = cuts[name], []
     for k, config in enumerate(cut.along):
         location = f"{source}: cut.{name}.along[{k}]"
-        steps.append(Step(_surface(config, folder, location), cut.through == "elements", cut.teeth, location))
+        surface: Surface
+        if config.plane is not None:
+            surface = Plane(np.array(config.plane.point), unit(np.array(config.plane.normal)))
+        elif config.cylinder is not None:
+            c = config.cylinder
+            surface = Cylinder(np.array(c.point), unit(np.array(c.axis)), c.radius)
+        else:
+            assert config.surface is not None
+            from romdam.geometry.cutting.triangulated import read_surface  # here, not above: it compiles
+
+            file = config.surface
+            scale = to_si(f"1 {file.unit}", "m")
+            surface = read_surface(folder / file.file, file.group, scale, f"{location}.surface")
+        steps.append(Step(surface, cut.through == "elements", cut.teeth, location))
     steps_of = {name: steps}
     for piece in cut.into:
         steps_of |= _steps(piece, cuts, folder, source)
     return steps_of
-
-
-def _surface(config: CutSurfaceConfig, folder: Path, location: str) -> Surface:
-    if config.plane is not None:
-        return Plane(np.array(config.plane.point), unit(np.array(config.plane.normal)))
-    if config.cylinder is not None:
-        c = config.cylinder
-        return Cylinder(np.array(c.point), unit(np.array(c.axis)), c.radius)
-    assert config.surface is not None
-    from romdam.geometry.cutting.files import read_surface  # here, not above: it compiles
-
-    scale = to_si(f"1 {config.surface.unit}", "m")
-    return read_surface(folder / config.surface.file, config.surface.group, scale, f"{location}.surface")
 
 
 def _parted(mesh: Mesh, step: Step) -> Mesh:
@@ -104,19 +116,15 @@ def _parted(mesh: Mesh, step: Step) -> Mesh:
     parted = (np.diff(mesh.sides[facets.cell[facets.pairs]], axis=1) != 0).any(axis=(1, 2))
     kept = facets.rows[np.concatenate([facets.boundary, facets.pairs[parted, 0]])]
     moved, level = snapped(mesh, step.surface, kept)
-    if mesh.element.startswith("hex"):
-        return _parted_hexahedra(mesh, moved, level, step)
-    _say_moves(mesh, moved, step)
-    return cut_tetrahedra(moved, level, step.surface)
-
-
-def _parted_hexahedra(mesh: Mesh, moved: Mesh, level: Floats, step: Step) -> Mesh:
-    """Hexahedra cut in two, with nodes moved where no element is left to be cut then."""
+    if not mesh.element.startswith("hex"):
+        _say_moves(mesh, moved, step)
+        return cut_tetrahedra(moved, level, step.surface)
     if mesh.element != "hex8":
         raise MeshError(
             f"{step.location}: elements of the kind {mesh.element} are not cut in two, only tet4, tet10 and "
             "hex8; mesh with element faces along the surface and `through: faces`, or with tet10"
         )
+    # hexahedra: nodes are moved only where no element is left to be cut then
     if (level[moved.cells].min(axis=1) * level[moved.cells].max(axis=1) < 0.0).any():
         level = step.surface.distance(mesh.points)  # a cell with some nodes on the surface would be a wedge
         moved, level = mesh, np.where(on_surface(level, mesh.points), 0.0, level)
@@ -125,10 +133,15 @@ def _parted_hexahedra(mesh: Mesh, moved: Mesh, level: Floats, step: Step) -> Mes
 
 
 def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str], Ints]:
-    """Names of the blocks, and which of them every cell is of (nc,)."""
-    first = dict(
-        zip(steps, np.cumsum([0, *(len(block_steps) for block_steps in steps.values())])[:-1], strict=True)
-    )
+    """Names of the blocks, and which of them every cell is of (nc,).
+
+    Raises
+    ------
+    MeshError
+        where a surface leaves what is left of a block on one side.
+    """
+    counts = [len(block_steps) for block_steps in steps.values()]
+    first = dict(zip(steps, np.cumsum([0, *counts])[:-1], strict=True))
     names: list[str] = []
     labels = np.full(len(mesh.cells), -1)
 
@@ -137,34 +150,28 @@ def _labels(name: str, cuts: Cuts, steps: Steps, mesh: Mesh) -> tuple[list[str],
             labels[among] = len(names)
             names.append(name)
             return
+        into = cuts[name].into
         for k, step in enumerate(steps[name]):
             below = among & (mesh.sides[:, first[name] + k] < 0)
-            _refuse_miss(mesh, among, below, step, cuts[name].into[k:])
-            assign(cuts[name].into[k], below)
+            if not below.any() or below[among].all():
+                distance = step.surface.distance(mesh.points[np.unique(mesh.corners[among])])
+                ends = mesh.points[mesh.corners[:, np.array(ELEMENTS[mesh.element].edges)]]
+                mean_edge = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
+                empty = f"block {into[k]!r} gets no element"
+                if below.any():
+                    empty = "no element is left for the others"
+                raise MeshError(
+                    f"{step.location}: the surface misses what is to become {', '.join(into[k:])}: {empty}; "
+                    f"its nodes are {distance.min():.4g} to {distance.max():.4g} m from the surface (above 0 "
+                    f"on its positive side), elements have edges of about {mean_edge:.3g} m; move the "
+                    "surface, turn its normal, or change the order of `into`"
+                )
+            assign(into[k], below)
             among = among & ~below
-        assign(cuts[name].into[-1], among)
+        assign(into[-1], among)
 
     assign(name, np.ones(len(mesh.cells), dtype=bool))
     return names, labels
-
-
-def _refuse_miss(mesh: Mesh, among: Bools, below: Bools, step: Step, names: tuple[str, ...]) -> None:
-    """Raise if a surface leaves what is left of a block on one side."""
-    if below.any() and not below[among].all():
-        return
-    distance = step.surface.distance(mesh.points[np.unique(mesh.corners[among])])
-    empty = f"block {names[0]!r} gets no element" if not below.any() else "no element is left for the others"
-    raise MeshError(
-        f"{step.location}: the surface misses what is to become {', '.join(names)}: {empty}; its nodes are "
-        f"{distance.min():.4g} to {distance.max():.4g} m from the surface (above 0 on its positive side), "
-        f"elements have edges of about {_mean_edge(mesh):.3g} m; move the surface, turn its normal, or "
-        "change the order of `into`"
-    )
-
-
-def _mean_edge(mesh: Mesh) -> float:
-    ends = mesh.points[mesh.corners[:, np.array(ELEMENTS[mesh.element].edges)]]
-    return float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
 
 
 def _with_smooth_joints(mesh: Mesh, labels: Ints, steps: list[Step]) -> Mesh:
@@ -192,41 +199,26 @@ def _say_moves(before: Mesh, after: Mesh, step: Step) -> None:
         )  # fmt: skip
 
 
-def _say_parts(mesh: Mesh, names: list[str], labels: Ints, location: str) -> None:
-    """Log which blocks are in parts that share no face: a surface may cross the block more than once."""
-    facets, size = Facets.of(mesh.element, mesh.cells), len(labels)
-    a, b = facets.cell[facets.pairs].T
-    same = labels[a] == labels[b]
-    links = coo_array((np.ones(same.sum()), (a[same], b[same])), shape=(size, size))
-    component = connected_components(links, directed=False)[1]
-    for k, name in enumerate(names):
-        if (count := len(np.unique(component[labels == k]))) > 1:
-            log.warning(
-                "%s: block %r is in %d parts that share no face; cut them apart, or check the surfaces",
-                location, name, count,
-            )  # fmt: skip
-
-
-def _piece(name: str, block: Block, mesh: Mesh, chosen: Bools) -> Block:
-    """The cells of one block, with its own nodes and what it has of the named faces."""
-    used, cells = np.unique(mesh.cells[chosen], return_inverse=True)
-    cells = cells.reshape(-1, mesh.cells.shape[1])
-    rows = Facets.of(block.element, cells).rows
-    origin, faces = mesh.origin[chosen].ravel(), {}
-    for label, numbers in _face_numbers(block).items():
-        facets = rows[np.isin(origin, numbers)]
-        if len(facets):
-            faces[label] = facets
-    return replace(block, name=name, points=mesh.points[used], cells=cells, faces=faces)
-
-
-def _face_numbers(block: Block) -> dict[str, Ints]:
-    """For every named face the numbers of its facets among those of all cells."""
+def _pieces(block: Block, mesh: Mesh, names: list[str], labels: Ints) -> dict[str, Block]:
+    """The cells of every block, with the nodes they use and what they have of the named faces."""
+    # numbers of the facets of named faces among those of all cells of the uncut block
     facets = Facets.of(block.element, block.cells)
-    of_cells = np.sort(facets.rows[facets.boundary][:, : facets.corners], axis=1)
+    boundary = np.sort(facets.rows[facets.boundary][:, : facets.corners], axis=1)
     numbers = {}
     for label, rows in block.faces.items():
-        both = np.concatenate([of_cells, np.sort(rows[:, : facets.corners], axis=1)])
-        number = row_numbers(both)
-        numbers[label] = facets.boundary[np.isin(number[: len(of_cells)], number[len(of_cells) :])]
-    return numbers
+        number = row_numbers(np.concatenate([boundary, np.sort(rows[:, : facets.corners], axis=1)]))
+        numbers[label] = facets.boundary[np.isin(number[: len(boundary)], number[len(boundary) :])]
+
+    pieces = {}
+    for k, name in enumerate(names):
+        chosen = labels == k
+        used, cells = np.unique(mesh.cells[chosen], return_inverse=True)
+        cells = cells.reshape(-1, mesh.cells.shape[1])
+        every_facet = Facets.of(block.element, cells).rows
+        origin, faces = mesh.origin[chosen].ravel(), {}
+        for label, of_face in numbers.items():
+            rows = every_facet[np.isin(origin, of_face)]
+            if len(rows):
+                faces[label] = rows
+        pieces[name] = replace(block, name=name, points=mesh.points[used], cells=cells, faces=faces)
+    return pieces

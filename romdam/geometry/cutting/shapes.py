@@ -58,9 +58,7 @@ def refuse_slivers(mesh: Mesh, before: Mesh, places: list[tuple[Surface, str]]) 
     worst = thin[np.argmin(shape[thin])]
     centre = mesh.points[mesh.corners[worst]].mean(axis=0)
     at = ", ".join(f"{x:.6g}" for x in centre)
-    location = min(places, key=lambda surface_place: abs(float(surface_place[0].distance(centre[None])[0])))[
-        1
-    ]
+    _, location = min(places, key=lambda place: abs(float(place[0].distance(centre[None])[0])))
     raise MeshError(
         f"{location}: the cut leaves {len(thin)} slivers: the worst, around ({at}) m, has a quality of "
         f"{shape[worst]:.3g}, limit {limit:.3g} (1 is a regular tetrahedron); move the "

@@ -30,7 +30,7 @@ class Step(NamedTuple):
 
 
 def joint_facets(mesh: Mesh, facets: Facets, labels: Ints, steps: list[Step]) -> list[Ints]:
-    """Numbers of the facets between blocks, for every surface; of each two that are one, the first.
+    """Numbers of the facets between blocks, for every surface; of each two that coincide, the first.
 
     A facet is of the surface that parts its cells; where several do, of the nearest.
 
@@ -61,11 +61,21 @@ def refuse_teeth(mesh: Mesh, joint: Ints, step: Step) -> None:
     Raises
     ------
     MeshError
-        with the worst place, its distance, and the largest angle between a facet and the surface.
+        with the position of the worst, its distance, and the largest angle between a facet and the surface.
     """
     corners, size = _corners(mesh, joint)
     samples = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)
-    _refuse_rim(step, samples, size)
+    beyond = step.surface.beyond(samples.reshape(-1, 3)).reshape(len(size), -1)
+    share = beyond.max(axis=1) / size
+    if share.max() > step.teeth:
+        worst = int(np.argmax(share))
+        at = ", ".join(f"{x:.6g}" for x in samples[worst, np.argmax(beyond[worst])])
+        raise MeshError(
+            f"{step.location}: the surface ends within the block: the joint at ({at}) m lies "
+            f"{beyond[worst].max():.4g} m beyond its rim, limit {step.teeth:g} of an edge = "
+            f"{step.teeth * size[worst]:.4g} m ({np.count_nonzero(share > step.teeth)} of {len(size)} "
+            "faces); make the surface reach through the block"
+        )
     off = np.abs(step.surface.distance(samples.reshape(-1, 3))).reshape(len(joint), -1)
     share = off.max(axis=1) / size
     if share.max() <= step.teeth:
@@ -89,20 +99,6 @@ def _corners(mesh: Mesh, joint: Ints) -> tuple[Floats, Floats]:
     """Corners of facets (nf, corners, 3), and the mean length of their edges (nf,) [m]."""
     corners = mesh.points[joint[:, : facet_element(joint).corners]]
     return corners, np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-
-
-def _refuse_rim(step: Step, samples: Floats, size: Floats) -> None:
-    beyond = step.surface.beyond(samples.reshape(-1, 3)).reshape(len(size), -1)
-    share = beyond.max(axis=1) / size
-    if share.max() > step.teeth:
-        worst = int(np.argmax(share))
-        at = ", ".join(f"{x:.6g}" for x in samples[worst, np.argmax(beyond[worst])])
-        raise MeshError(
-            f"{step.location}: the surface ends within the block: the joint at ({at}) m lies "
-            f"{beyond[worst].max():.4g} m beyond its rim, limit {step.teeth:g} of an edge = "
-            f"{step.teeth * size[worst]:.4g} m ({np.count_nonzero(share > step.teeth)} of {len(size)} faces)"
-            "; make the surface reach through the block"
-        )
 
 
 def smoothed(mesh: Mesh, joint: Ints, kept: Ints, step: Step) -> Mesh:

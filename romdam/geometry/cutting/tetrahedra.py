@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -36,6 +37,15 @@ class _Pieces(NamedTuple):
     cell: Ints
     origin: Ints
 
+    def only(self, which: Bools) -> Self:
+        """Some of them."""
+        return type(self)(*(field[which] for field in self))  # type: ignore[arg-type]
+
+    @classmethod
+    def joined(cls, groups: list[Self]) -> Self:
+        """All pieces of several groups."""
+        return cls(*(np.concatenate(fields) for fields in zip(*groups, strict=True)))
+
 
 def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
     """Cut every tetrahedron that the surface crosses, and note the sides.
@@ -66,7 +76,9 @@ def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
     side = np.where(level[corners].sum(axis=1) < 0.0, -1, 1)
     if ELEMENTS[mesh.element].quadratic:
         halves = _with_middles(halves, mesh, pieces)
-    return _without_loose_nodes(halves.with_side(side))
+    halves = halves.with_side(side)
+    used, cells = np.unique(halves.cells, return_inverse=True)
+    return replace(halves, points=halves.points[used], cells=cells.reshape(halves.cells.shape))
 
 
 def _crossing_edges(mesh: Mesh, cells: Ints, level: Floats, surface: Surface) -> tuple[_Edges, Floats]:
@@ -88,7 +100,7 @@ def _crossing_edges(mesh: Mesh, cells: Ints, level: Floats, surface: Surface) ->
 
 def _cut(pieces: _Pieces, edges: _Edges, level: Floats, count: int) -> _Pieces:
     """Cut pieces at their edge with the lowest turn until none is left that crosses."""
-    done, size = [], count - len(edges.new)
+    done, size, by_turn = [], count - len(edges.new), np.argsort(edges.turn)
     while len(pieces.cell):
         ends = pieces.corners[:, _EDGES]
         across = level[ends[:, :, 0]] * level[ends[:, :, 1]] < 0.0
@@ -97,35 +109,26 @@ def _cut(pieces: _Pieces, edges: _Edges, level: Floats, count: int) -> _Pieces:
         number = np.searchsorted(edges.key, lower[:, 0] * size + lower[:, 1])
         turn[across] = edges.turn[number]
         first = np.argmin(turn, axis=1)
-        open_ = np.asarray(across.any(axis=1))
-        done.append(_some(pieces, ~open_))
-        at = np.argsort(edges.turn)[turn[np.flatnonzero(open_), first[open_]]]
-        pieces = _halved(_some(pieces, open_), _EDGES[first[open_]], edges, at)
-    return _joined(done) if done else pieces
+        crosses = np.asarray(across.any(axis=1))
+        done.append(pieces.only(~crosses))
+        edge = by_turn[turn[np.flatnonzero(crosses), first[crosses]]]
 
-
-def _halved(pieces: _Pieces, ends: Ints, edges: _Edges, at: Ints) -> _Pieces:
-    """Two tetrahedra of each, cut at its edge between the corners `ends` (n, 2), which is number `at`."""
-    row = np.arange(len(ends))
-    lower = np.where((pieces.corners[row, ends[:, 0]] == edges.nodes[at, 0])[:, None], ends, ends[:, ::-1])
-    share = edges.share[at][:, None]
-    within = (1.0 - share) * pieces.within[row, lower[:, 0]] + share * pieces.within[row, lower[:, 1]]
-    halves = []
-    for side in (0, 1):
-        corners, inner, origin = pieces.corners.copy(), pieces.within.copy(), pieces.origin.copy()
-        away, stays = lower[:, 1 - side], lower[:, side]
-        corners[row, away], inner[row, away] = edges.new[at], within
-        origin[row, _OPPOSITE[stays]] = -1  # the facet between the halves
-        halves.append(_Pieces(corners, inner, pieces.cell, origin))
-    return _joined(halves)
-
-
-def _some(pieces: _Pieces, which: Bools) -> _Pieces:
-    return _Pieces(*(field[which] for field in pieces))  # type: ignore[arg-type]
-
-
-def _joined(parts: list[_Pieces]) -> _Pieces:
-    return _Pieces(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+        # two tetrahedra of each, cut at the edge between its corners `local` (n, 2), the lower node first
+        pieces, local = pieces.only(crosses), _EDGES[first[crosses]]
+        row = np.arange(len(local))
+        is_lower = pieces.corners[row, local[:, 0]] == edges.nodes[edge, 0]
+        local = np.where(is_lower[:, None], local, local[:, ::-1])
+        share = edges.share[edge][:, None]
+        within = (1.0 - share) * pieces.within[row, local[:, 0]] + share * pieces.within[row, local[:, 1]]
+        halves = []
+        for side in (0, 1):
+            corners, inner, origin = pieces.corners.copy(), pieces.within.copy(), pieces.origin.copy()
+            away, stays = local[:, 1 - side], local[:, side]
+            corners[row, away], inner[row, away] = edges.new[edge], within
+            origin[row, _OPPOSITE[stays]] = -1  # the facet between the halves
+            halves.append(_Pieces(corners, inner, pieces.cell, origin))
+        pieces = _Pieces.joined(halves)
+    return _Pieces.joined(done) if done else pieces
 
 
 def _with_middles(linear: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
@@ -140,8 +143,3 @@ def _with_middles(linear: Mesh, before: Mesh, pieces: _Pieces) -> Mesh:
     old = before.cells[np.setdiff1d(np.arange(len(before.cells)), pieces.cell)]
     points[cells[:whole, 4:]] = before.points[old[:, 4:]]
     return Mesh(linear.element, points, cells, linear.origin, linear.sides)
-
-
-def _without_loose_nodes(mesh: Mesh) -> Mesh:
-    used, cells = np.unique(mesh.cells, return_inverse=True)
-    return Mesh(mesh.element, mesh.points[used], cells.reshape(mesh.cells.shape), mesh.origin, mesh.sides)

@@ -1,16 +1,22 @@
-"""A triangulated surface as one that cuts: the nearest of its triangles, their sides and its rim."""
+"""A triangulated surface that cuts: its file (STL or a mesh), its nearest triangles, their sides, its rim.
+
+For the nearest triangle all are tried, most by the sphere around them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from romdam.core.arrays import Bools, Floats, Ints
-from romdam.core.errors import MeshError
-from romdam.geometry.cutting.nearest import nearest_triangles
+from romdam.core.errors import MeshError, listed, quote
+from romdam.core.jit import njit
+from romdam.geometry.elements import ELEMENT_OF_CELL
 from romdam.geometry.facets import row_numbers
+from romdam.geometry.meshes.files import read_mesh_file
 from romdam.geometry.nearest import tree
 
 _EDGES = ((0, 1), (1, 2), (2, 0))
@@ -59,19 +65,24 @@ class Triangulated:
         size = np.linalg.norm(cross, axis=1, keepdims=True)
         _refuse(size[:, 0] <= 0.0, corner, "have no area; mesh the surface anew", location)
         face = cross / size
-        edges, owner = _edge_table(triangles), np.tile(np.arange(len(triangles)), 3)
+        # edge 0 of all triangles, then edge 1 and edge 2
+        edges = np.concatenate([triangles[:, list(edge)] for edge in _EDGES])
+        owner = np.tile(np.arange(len(triangles)), 3)
         key = row_numbers(np.sort(edges, axis=1))
         _, inverse, count = np.unique(key, return_inverse=True, return_counts=True)
-        _refuse(_any_edge(count[inverse] > 2), corner, "share an edge with two others", location)
+        crowded = (count[inverse] > 2).reshape(3, -1).any(axis=0)
+        _refuse(crowded, corner, "share an edge with two others", location)
         way = np.zeros(len(count))
         np.add.at(way, inverse, np.where(edges[:, 0] < edges[:, 1], 1.0, -1.0))
-        twisted = (way != 0.0) & (count == 2)
-        _refuse(_any_edge(twisted[inverse]), corner, "run the other way round than a neighbour", location)
+        twisted = ((way != 0.0) & (count == 2))[inverse].reshape(3, -1).any(axis=0)
+        _refuse(twisted, corner, "run the other way round than a neighbour", location)
         at_edge = np.zeros((len(count), 3))
         np.add.at(at_edge, inverse, face[owner])
         at_vertex = np.zeros_like(points)
         for k in range(3):
-            np.add.at(at_vertex, triangles[:, k], _angles(corner, k)[:, None] * face)
+            a, b = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
+            angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), _dot(a, b))
+            np.add.at(at_vertex, triangles[:, k], angle[:, None] * face)
         free_edge = count[inverse] == 1
         free = np.zeros(len(points), dtype=bool)
         free[edges[free_edge]] = True
@@ -111,28 +122,12 @@ class Triangulated:
         return _Nearest(at, self.normals[row, feature], self.rim[row, feature])
 
 
-def _edge_table(triangles: Ints) -> Ints:
-    return np.concatenate([triangles[:, list(edge)] for edge in _EDGES])
-
-
-def _any_edge(edges: Bools) -> Bools:
-    """True for triangles (nt,) of which any edge, in the order of their table, is."""
-    return np.asarray(edges.reshape(3, -1).any(axis=0))
-
-
-def _angles(corner: Floats, k: int) -> Floats:
-    """Angle of triangles (nt, 3, 3) at a corner (nt,)."""
-    a, b = (corner[:, (k + step) % 3] - corner[:, k] for step in (1, 2))
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), _dot(a, b))
-
-
 def _refuse(wrong: Bools, corner: Floats, what: str, location: str) -> None:
     if wrong.any():
         at = ", ".join(f"{x:.6g}" for x in corner[np.argmax(wrong)].mean(axis=0))
         raise MeshError(
             f"{location}: {np.count_nonzero(wrong)} of {len(wrong)} triangles {what} (the first around "
-            f"({at}) m)"
-            ", limit 0: a surface that cuts has two sides; export it anew"
+            f"({at}) m), limit 0: a surface that cuts has two sides; export it anew"
         )
 
 
@@ -160,3 +155,99 @@ def _on_triangles(points: Floats, corner: Floats) -> tuple[Floats, Ints]:
 
 def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("nk,nk->n", a, b))
+
+
+def read_surface(path: Path, group: str | int | None, scale: float, location: str) -> Triangulated:
+    """Read a surface; corners at the same position become a single vertex.
+
+    Parameters
+    ----------
+    group : name or number of the group of its facets; all where None
+    scale : of the coordinates, in metres
+    location : file and key, for messages
+
+    Raises
+    ------
+    MeshError
+        for files that cannot be read or have no such triangles, and for what is no surface with two sides.
+    """
+    file = read_mesh_file(path, f"{location}.file")
+    members = [np.arange(len(cells.ids)) for cells in file.cells]
+    if group is not None:
+        label = str(group) if str(group) in file.groups else file.numbers.get(str(group), "")
+        if label not in file.groups:
+            raise MeshError(
+                f"{location}.group: group {quote(group)} does not exist in {path}; its groups are "
+                f"{listed(file.groups)}"
+            )
+        members = file.groups[label]
+    triangles = [np.zeros((0, 3), dtype=np.int64)]
+    for cells, members_of in zip(file.cells, members, strict=True):
+        if cells.dim == 2:
+            corner = cells.nodes[members_of, : ELEMENT_OF_CELL[cells.kind].corners]
+            triangles += [corner[:, [0, k, k + 1]] for k in range(1, corner.shape[1] - 1)]
+    corners = file.points[np.concatenate(triangles).ravel()]
+    if not len(corners):
+        raise MeshError(
+            f"{location}: {path} holds no triangles or "
+            f"quadrilaterals{'' if group is None else ' in this group'}"
+            "; export a surface"
+        )
+    points, number = np.unique(corners, axis=0, return_inverse=True)
+    return Triangulated.of(points * scale, number.reshape(-1, 3), f"{location}.file: {path}")
+
+
+@njit(cache=True)
+def nearest_triangles(points: Floats, corners: Floats, spheres: Floats, first: Ints) -> Ints:
+    """Number of the nearest of triangles, for every point.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    corners : (nt, 3, 3) [m]
+    spheres : (nt, 4) centre and radius of a sphere around every triangle [m]
+    first : (n,) a triangle that is near each point; the nearer, the fewer are looked at
+    """
+    nearest = first.copy()
+    for i in range(len(points)):
+        p = points[i]
+        least = _apart(p, corners[first[i]])
+        for t in range(len(corners)):
+            x, y, z = p[0] - spheres[t, 0], p[1] - spheres[t, 1], p[2] - spheres[t, 2]
+            if x * x + y * y + z * z < (least + spheres[t, 3]) ** 2:
+                apart = _apart(p, corners[t])
+                if apart < least:
+                    least, nearest[i] = apart, t
+    return nearest
+
+
+@njit(cache=True)
+def _apart(p: Floats, corner: Floats) -> float:
+    """Distance of a point from a triangle (3, 3)."""
+    a, u, v = corner[0], corner[1] - corner[0], corner[2] - corner[0]
+    n = np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    square = n[0] ** 2 + n[1] ** 2 + n[2] ** 2
+    w = p - a
+    s = _triple(w, v, n) / square
+    t = _triple(u, w, n) / square
+    if s >= 0.0 and t >= 0.0 and s + t <= 1.0:
+        return float(abs(w[0] * n[0] + w[1] * n[1] + w[2] * n[2]) / np.sqrt(square))
+    least = np.inf
+    for k in range(3):
+        start, side = corner[k], corner[(k + 1) % 3] - corner[k]
+        away = p - start
+        length = side[0] ** 2 + side[1] ** 2 + side[2] ** 2
+        share = (away[0] * side[0] + away[1] * side[1] + away[2] * side[2]) / length
+        away = away - min(max(share, 0.0), 1.0) * side
+        least = min(least, away[0] ** 2 + away[1] ** 2 + away[2] ** 2)
+    return float(np.sqrt(least))
+
+
+@njit(cache=True)
+def _triple(a: Floats, b: Floats, c: Floats) -> float:
+    """(a x b) . c."""
+    return float(
+        (a[1] * b[2] - a[2] * b[1]) * c[0]
+        + (a[2] * b[0] - a[0] * b[2]) * c[1]
+        + (a[0] * b[1] - a[1] * b[0]) * c[2]
+    )

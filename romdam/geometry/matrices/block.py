@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError, MeshError
-from romdam.core.scene import Block, Joint, Scene
+from romdam.core.scene import Block, Scene
 from romdam.core.system import BlockMatrices
 from romdam.geometry.matrices.checks import Checked, check_matrices
 from romdam.geometry.matrices.data import Unknowns
@@ -74,25 +74,15 @@ def _numbered(block: Block, unknowns: Unknowns, tolerance: float, location: str)
     shifted = unknowns.motion < 3
     numbers, first = np.unique(unknowns.node[shifted], return_index=True)
     position = unknowns.position[shifted][first]
-    node = _mesh_nodes(block, numbers, position, tolerance, location)
-    further = np.flatnonzero(node < 0)
-    node[further] = len(block.points) + np.arange(len(further))
-    others = np.flatnonzero(~shifted)
-    slots = -(-len(others) // 3)
-    middle = np.tile(block.points.mean(axis=0), (slots, 1))
-    dof = np.zeros(len(unknowns), dtype=np.int64)
-    dof[shifted] = 3 * node[np.searchsorted(numbers, unknowns.node[shifted])] + unknowns.motion[shifted]
-    dof[others] = 3 * (len(block.points) + len(further)) + np.arange(len(others))
-    return np.concatenate([block.points, position[further], middle]), dof
-
-
-def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float, location: str) -> Ints:
-    """The mesh's node that each node of the matrices is, -1 where it is none of them."""
+    # the mesh's node that each node of the matrices is, -1 where it is none of them
     distance, node = tree(block.points).query(position)
     node = np.where(distance <= tolerance, node, -1).astype(np.int64)
     same = node[node >= 0]
     if not len(same):
-        spans = [_span(position), _span(block.points)]
+        spans = []
+        for points in (position, block.points):
+            ends = zip("xyz", points.min(axis=0), points.max(axis=0), strict=True)
+            spans.append(", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends))
         raise MeshError(
             f"{location}: none of the {len(numbers)} nodes of its matrices ({spans[0]} m) is within "
             f"{tolerance:g} m of one of the mesh ({spans[1]} m), the nearest is {distance.min():.3g} m off; "
@@ -105,12 +95,15 @@ def _mesh_nodes(block: Block, numbers: Ints, position: Floats, tolerance: float,
             f"{location}: {len(twice)} nodes of the mesh are two of the matrices' within {tolerance:g} m "
             f"(nodes {pair} are the first), limit one; lower `tolerance`, or merge nodes"
         )
-    return node
-
-
-def _span(points: Floats) -> str:
-    ends = zip("xyz", points.min(axis=0), points.max(axis=0), strict=True)
-    return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in ends)
+    further = np.flatnonzero(node < 0)
+    node[further] = len(block.points) + np.arange(len(further))
+    others = np.flatnonzero(~shifted)
+    slots = -(-len(others) // 3)
+    middle = np.tile(block.points.mean(axis=0), (slots, 1))
+    dof = np.zeros(len(unknowns), dtype=np.int64)
+    dof[shifted] = 3 * node[np.searchsorted(numbers, unknowns.node[shifted])] + unknowns.motion[shifted]
+    dof[others] = 3 * (len(block.points) + len(further)) + np.arange(len(others))
+    return np.concatenate([block.points, position[further], middle]), dof
 
 
 def _over_nodes(matrices: FileMatrices, dof: Ints, motion: Ints, checked: Checked) -> BlockMatrices:
@@ -134,11 +127,12 @@ def _over_nodes(matrices: FileMatrices, dof: Ints, motion: Ints, checked: Checke
 
 def held_by(blocks: dict[str, Block], fixed: dict[str, Bools]) -> dict[str, Bools]:
     """Components that supports hold, and those that are no unknowns of a block's matrices."""
-    matrices = {name: blocks[name].matrices for name in fixed}
-    return {
-        name: held if (block_matrices := matrices[name]) is None else held | block_matrices.absent
-        for name, held in fixed.items()
-    }
+    held_or_absent = dict(fixed)
+    for name, held in fixed.items():
+        matrices = blocks[name].matrices
+        if matrices is not None:
+            held_or_absent[name] = held | matrices.absent
+    return held_or_absent
 
 
 def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> None:
@@ -177,24 +171,20 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
 
 def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
     """Actions on nodes of a block: key, nodes, and (k, 3) which of their components."""
-    shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
     pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
     pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
     pairs += [("loads.force", np.array([force.node])) for force in scene.forces if force.block == name]
     if scene.reservoir is not None:
         pairs += [("water", face.facets.ravel()) for face in scene.reservoir.faces if face.block == name]
-    whole = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
-    return whole + [
-        (f"joints.{joint.name}", joint.nodes[side], _seen(joint, side, shear))
-        for joint in scene.joints.values()
-        for side in (0, 1)
-        if joint.blocks[side] == name
-    ]
-
-
-def _seen(joint: Joint, side: int, shear: bool) -> Bools:
-    """(nodes, 3) components of a side's nodes that its gaps see."""
-    weights = abs(joint.weights[side])
-    if joint.at_point is not None:
-        weights = weights + abs(joint.at_point[side])
-    return np.asarray(weights.T @ np.abs(joint.axes[:, : 3 if shear else 1]).sum(axis=1) > _NOTHING)
+    actions = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
+    shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
+    for joint in scene.joints.values():
+        for side in (0, 1):
+            if joint.blocks[side] != name:
+                continue
+            weights = abs(joint.weights[side])
+            if joint.at_point is not None:
+                weights = weights + abs(joint.at_point[side])
+            seen = weights.T @ np.abs(joint.axes[:, : 3 if shear else 1]).sum(axis=1) > _NOTHING
+            actions.append((f"joints.{joint.name}", joint.nodes[side], np.asarray(seen)))
+    return actions

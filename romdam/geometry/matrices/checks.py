@@ -32,10 +32,8 @@ _SEARCHED = 12  # motions among which those without strain are sought: six, and 
 _SWEEPS = 4  # of inverse iteration; each shrinks what has strain by its energy over _ZERO
 _TRIED = 1000  # nodes that are left out one after the other, to name one whose rows are in a local frame
 _ODD_MASS, _WRONG_MASS = (0.5, 2.0), (0.01, 100.0)  # over volume times density of the shape
-_ODD_STIFFNESS, _WRONG_STIFFNESS = (
-    (1 / 30, 10.0),
-    (1 / 300, 100.0),
-)  # energy of unit strain, over volume times E
+_ODD_STIFFNESS = (1 / 30, 10.0)  # energy of unit strain, over volume times E
+_WRONG_STIFFNESS = (1 / 300, 100.0)  # the same, beyond which the matrix is refused
 
 
 @dataclass(frozen=True)
@@ -77,14 +75,24 @@ def check_matrices(
     ------
     MeshError
     """
-    _refuse_empty(matrices, location)
+    condense = "condense unknowns without mass out of both, which changes nothing, or give them one"
+    for key, matrix, remedy in (
+        ("stiffness", matrices.K, "leave unknowns without stiffness out"),
+        ("mass", matrices.M, condense),
+    ):
+        bad = np.flatnonzero(matrix.diagonal() <= 0.0)
+        if len(bad):
+            raise MeshError(
+                f"{location}.{key}: {len(bad)} of {len(matrices.unknowns)} unknowns have none or less, limit "
+                f"above 0; the first is {matrices.unknowns.name(bad[0])} with "
+                f"{matrix.diagonal()[bad[0]]:.3g}; {remedy}"
+            )
     _refuse_negative(matrices.M, "mass", location)
     if matrices.C is not None and matrices.C.diagonal().min() < 0.0:
         raise MeshError(
             f"{location}.damping: {np.count_nonzero(matrices.C.diagonal() < 0.0)} of "
-            f"{len(matrices.unknowns)} "
-            f"entries on its diagonal are negative, down to {matrices.C.diagonal().min():.3g}, limit 0; it "
-            "would feed energy in"
+            f"{len(matrices.unknowns)} entries on its diagonal are negative, down to "
+            f"{matrices.C.diagonal().min():.3g}, limit 0; it would feed energy in"
         )
     _refuse_negative(matrices.K, "stiffness", location)
     unknowns, warnings = matrices.unknowns, list[str]()
@@ -115,8 +123,7 @@ def check_matrices(
     if rigid < seen:
         text = (
             f"{location}.stiffness: resists {seen - rigid} of {seen} rigid motions of its unknowns: "
-            "something "
-            "holds the block inside its matrices"
+            "something holds the block inside its matrices"
         )
         if supported:
             log.info("%s; the inertia that hangs on it is in `inertia` only", text)
@@ -125,7 +132,13 @@ def check_matrices(
                 f"{text}, and neither `supports` of this block nor `inertia` say so; the inertia that hangs "
                 "on it is not known, and frames of the unknowns cannot be checked in these motions"
             )
-    _refuse_wrong_total(mass, total, shifts or not internal.any(), location)
+    if total is not None:  # what is held inside may have lost any share of it
+        ratio, least = mass / total, 1.0 - _MASS if shifts or not internal.any() else _WRONG_MASS[0]
+        if ratio.max() > 1.0 + _MASS or ratio.min() < least:
+            raise MeshError(
+                f"{location}.mass: is {_listed(mass)} kg in all along x, y, z, and total_mass is {total:.4g} "
+                f"kg, limit {_MASS:g} of it apart; is `units` right?"
+            )
     if shape is not None:
         warnings += _compare_with_shape(matrices, shape, None if total else mass, strained, location)
     return Checked(moved, tuple(warnings))
@@ -174,7 +187,9 @@ def _followed(K: csr_matrix, unknowns: Unknowns, motions: Floats) -> Floats:
     scale = 1.0 / np.sqrt(K.diagonal()[inner])
     # K_ii may be singular, where internal unknowns alone can move without strain: the force is none there
     scaled = csr_matrix(diags_array(scale) @ K[inner][:, inner] @ diags_array(scale))
-    held = _factor(scaled, _ZERO if not _negative(scaled, _ZERO) else _NEGATIVE)
+    held = _factor(scaled, _ZERO)
+    if held.negative():
+        held = _factor(scaled, _NEGATIVE)
     right = scale[:, None] * force
     answer = held.solve(right)
     answer += held.solve(right - scaled @ answer)
@@ -192,25 +207,23 @@ def _strainless(K: csr_matrix, motions: Floats) -> tuple[int, int]:
     return int(np.count_nonzero(energy < _STRAIN)), seen.shape[1]
 
 
-def _null_space(K: csr_matrix) -> Floats:
-    """Motions without strain (n, k), each unknown times the root of its stiffness, orthonormal."""
-    scale = diags_array(1.0 / np.sqrt(K.diagonal()))
-    scaled = csr_matrix(scale @ K @ scale)
-    held = _factor(scaled, _ZERO if not _negative(scaled, _ZERO) else _NEGATIVE)
+def _refuse_other_motions(
+    K: csr_matrix, unknowns: Unknowns, motions: Floats, rigid: tuple[int, int], location: str
+) -> None:
+    """Refuse motions without strain that are no rigid motions of the physical unknowns."""
+    # motions without strain (n, k), each unknown times the root of its stiffness, orthonormal
+    unit_diagonal = diags_array(1.0 / np.sqrt(K.diagonal()))
+    scaled = csr_matrix(unit_diagonal @ K @ unit_diagonal)
+    held = _factor(scaled, _ZERO)
+    if held.negative():
+        held = _factor(scaled, _NEGATIVE)
     size = scaled.shape[0]
     vectors = np.random.default_rng(0).standard_normal((size, min(size, _SEARCHED)))
     for _ in range(_SWEEPS):
         vectors = np.linalg.qr(held.solve(vectors))[0]
     energy, turn = np.linalg.eigh(vectors.T @ (scaled @ vectors))
-    level = max(_ZERO, -_NOISE * float(energy[0]))
-    return np.asarray(vectors @ turn[:, energy < level])
+    free = vectors @ turn[:, energy < max(_ZERO, -_NOISE * float(energy[0]))]
 
-
-def _refuse_other_motions(
-    K: csr_matrix, unknowns: Unknowns, motions: Floats, rigid: tuple[int, int], location: str
-) -> None:
-    """Refuse motions without strain that are no rigid motions of the physical unknowns."""
-    free = _null_space(K)
     physical = unknowns.motion != INTERNAL
     nodes, scale = unknowns.node[physical], np.sqrt(K.diagonal())[physical, None]
     length = np.where(unknowns.motion < 3, 1.0, _arms(unknowns)[1])[physical, None]
@@ -255,12 +268,13 @@ def _compare_with_body(M: csr_matrix, motions: Floats, location: str) -> list[st
         centre = 0.5 * np.array([coupling[i, j] - coupling[j, i] for i, j in ((1, 2), (2, 0), (0, 1))])
         moments = inertia[3:, 3:] - mean * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         least, middle, most = np.linalg.eigvalsh(moments)
-        further = {
-            "have no centre, as rotations move them": np.abs(coupling + coupling.T).max() / 2.0,
-            "have a moment of inertia above the sum of the two others": -min(least, least + middle - most)
-            / most,
-        }
-        off, what = max([(off, what), *((value, text) for text, value in further.items())])
+        no_centre = np.abs(coupling + coupling.T).max() / 2.0
+        too_large = -min(least, least + middle - most) / most
+        off, what = max(
+            (off, what),
+            (no_centre, "have no centre, as rotations move them"),
+            (too_large, "have a moment of inertia above the sum of the two others"),
+        )
     said = (
         f"{location}.mass: its {_listed(inertia.diagonal()[:3])} kg along x, y, z {what}, by {off:.3g} of "
         "themselves; a free body's do not"
@@ -275,33 +289,6 @@ def _compare_with_body(M: csr_matrix, motions: Floats, location: str) -> list[st
 
 def _listed(mass: Floats) -> str:
     return ", ".join(f"{m:.4g}" for m in mass)
-
-
-def _refuse_empty(matrices: FileMatrices, location: str) -> None:
-    condense = "condense unknowns without mass out of both, which changes nothing, or give them one"
-    for key, matrix, remedy in (
-        ("stiffness", matrices.K, "leave unknowns without stiffness out"),
-        ("mass", matrices.M, condense),
-    ):
-        bad = np.flatnonzero(matrix.diagonal() <= 0.0)
-        if len(bad):
-            raise MeshError(
-                f"{location}.{key}: {len(bad)} of {len(matrices.unknowns)} unknowns have none or less, limit "
-                f"above 0; the first is {matrices.unknowns.name(bad[0])} with "
-                f"{matrix.diagonal()[bad[0]]:.3g}; {remedy}"
-            )
-
-
-def _refuse_wrong_total(mass: Floats, total: float | None, whole: bool, location: str) -> None:
-    """Refuse a mass that is not the stated one; what is held inside may have lost any share of it."""
-    if total is None:
-        return
-    ratio = mass / total
-    if ratio.max() > 1.0 + _MASS or ratio.min() < (1.0 - _MASS if whole else _WRONG_MASS[0]):
-        raise MeshError(
-            f"{location}.mass: is {_listed(mass)} kg in all along x, y, z, and total_mass is {total:.4g} kg, "
-            f"limit {_MASS:g} of it apart; is `units` right?"
-        )
 
 
 def _compare_with_shape(
@@ -350,18 +337,12 @@ def _refuse_negative(matrix: csr_matrix, key: str, location: str) -> None:
         )  # fmt: skip
         return
     scale = diags_array(1.0 / np.sqrt(matrix.diagonal()))
-    negative = _negative(csr_matrix(scale @ matrix @ scale), _NEGATIVE)
+    negative = _factor(csr_matrix(scale @ matrix @ scale), _NEGATIVE).negative()
     if negative:
         raise MeshError(
             f"{location}.{key}: has {negative} negative eigenvalues of {n}, limit 0: no elastic body has "
-            "such "
-            "a matrix; is it another one (geometric stiffness, damping), or one half of it?"
+            "such a matrix; is it another one (geometric stiffness, damping), or one half of it?"
         )
-
-
-def _negative(scaled: csr_matrix, shift: float) -> int:
-    """Number of eigenvalues of a matrix with unit diagonal below -shift."""
-    return _factor(scaled, shift).negative()
 
 
 def _factor(scaled: csr_matrix, shift: float) -> Factor:

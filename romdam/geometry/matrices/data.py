@@ -115,10 +115,6 @@ def sparse(entries: Entries, unknowns: Unknowns, first: int, location: str) -> c
     if bool(above) != bool(below):
         log.info("%s: only one triangle is stored, %d entries; the other is the same", location, matrix.nnz)
         matrix = csr_matrix(matrix + matrix.T - diags_array(matrix.diagonal()))
-    return _symmetric(matrix, location)
-
-
-def _symmetric(matrix: csr_matrix, location: str) -> csr_matrix:
     largest = abs(matrix).max() if matrix.nnz else 0.0
     if largest == 0.0:
         raise MeshError(
@@ -136,7 +132,16 @@ def _symmetric(matrix: csr_matrix, location: str) -> csr_matrix:
 def _over(entries: Entries, unknowns: Unknowns, first: int, location: str) -> tuple[Ints, Ints]:
     """Rows and columns as numbers of the unknowns."""
     if entries.labels is not None:
-        return _by_label(entries, entries.labels, unknowns, location)
+        number = {tuple(label): k for k, label in enumerate(unknowns.labels.tolist())}
+        index = np.array([number.get(tuple(label), -1) for label in entries.labels.tolist()], dtype=np.int64)
+        lost = np.flatnonzero(index < 0)
+        if len(lost):
+            node, motion = entries.labels[lost[0]]
+            raise MeshError(
+                f"{location}: {len(lost)} of its {len(index)} rows are none of the unknowns, the first is "
+                f"node {node}, {DIRECTIONS[motion]}; give matrices and unknowns of the same model"
+            )
+        return index[entries.row], index[entries.column]
     n, low, high = len(unknowns), 0 if entries.size is not None else first, entries.size
     both = np.concatenate([entries.row, entries.column])
     if high is None:
@@ -150,16 +155,3 @@ def _over(entries: Entries, unknowns: Unknowns, first: int, location: str) -> tu
             f"numbered from {low}; the file of unknowns must be that of this matrix"
         )
     return entries.row - low, entries.column - low
-
-
-def _by_label(entries: Entries, labels: Ints, unknowns: Unknowns, location: str) -> tuple[Ints, Ints]:
-    number = {tuple(label): k for k, label in enumerate(unknowns.labels.tolist())}
-    index = np.array([number.get(tuple(label), -1) for label in labels.tolist()], dtype=np.int64)
-    lost = np.flatnonzero(index < 0)
-    if len(lost):
-        node, motion = labels[lost[0]]
-        raise MeshError(
-            f"{location}: {len(lost)} of its {len(labels)} rows are none of the unknowns, the first is node "
-            f"{node}, {DIRECTIONS[motion]}; give matrices and unknowns of the same model"
-        )
-    return index[entries.row], index[entries.column]

@@ -138,26 +138,33 @@ class _Reader:
         if columns.shape != shape or not np.isfinite(columns).all():
             raise MeshError(
                 f"{location}: is {columns.shape[0]} by {columns.shape[1]}, expected {shape[0]} by "
-                f"{shape[1]} finite "
-                "numbers"
+                f"{shape[1]} finite numbers"
             )
         return columns
 
     def unknowns(self, stiffness: Entries, mesh: Numbered | None) -> Unknowns:
         """The unknowns, with their positions."""
         if self.config.unknowns is not None:
-            unknowns, location = (
-                self._opened("unknowns", _UNKNOWNS)(self.path("unknowns"), self.at("unknowns")),
-                self.at("unknowns"),
-            )
+            location = self.at("unknowns")
+            unknowns = self._opened("unknowns", _UNKNOWNS)(self.path("unknowns"), location)
         elif stiffness.labels is not None:
-            unknowns, location = from_labels(stiffness.labels), self.at("stiffness")
+            location = self.at("stiffness")
+            unknowns = from_labels(stiffness.labels)
         else:
             raise MeshError(
                 f"{self.at('stiffness')}: numbers its rows and does not say what they are; give "
                 f"{self.location}.unknowns (node and direction of every row), CalculiX's .dof or a .csv"
             )
-        _refuse_repeated(unknowns, location)
+        if not len(unknowns):
+            raise MeshError(f"{location}: has no unknowns; write it anew")
+        moving = np.flatnonzero(unknowns.motion < 6)
+        _, first, counts = np.unique(unknowns.labels[moving], axis=0, return_index=True, return_counts=True)
+        if (counts > 1).any():
+            k = int(moving[first[np.argmax(counts > 1)]])
+            raise MeshError(
+                f"{location}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
+                f"{unknowns.name(k)}, limit once; number nodes and directions anew"
+            )
         unknowns = Unknowns(unknowns.node, unknowns.motion, unknowns.position * UNITS[self.config.units][0])
         return self._placed(unknowns, mesh, location)
 
@@ -177,10 +184,8 @@ class _Reader:
             k = int(np.flatnonzero(lacking)[0])
             raise MeshError(
                 f"{location}: {np.count_nonzero(lacking)} of {len(unknowns)} unknowns have no coordinates, "
-                "the "
-                f"first is {unknowns.name(k)}; give {self.location}.nodes, with these numbers, or call what "
-                "has no "
-                "place `internal`"
+                f"the first is {unknowns.name(k)}; give {self.location}.nodes, with these numbers, or call "
+                "what has no place `internal`"
             )
         return Unknowns(unknowns.node, unknowns.motion, position)
 
@@ -205,17 +210,3 @@ class _Reader:
         except (MeshError, ResultError) as error:
             raise MeshError(f"{self.location}.{key}: {error}") from None
         return read
-
-
-def _refuse_repeated(unknowns: Unknowns, location: str) -> None:
-    if not len(unknowns):
-        raise MeshError(f"{location}: has no unknowns; write it anew")
-    moving = np.flatnonzero(unknowns.motion < 6)
-    _, first, counts = np.unique(unknowns.labels[moving], axis=0, return_index=True, return_counts=True)
-    if (counts > 1).any():
-        k = int(moving[first[np.argmax(counts > 1)]])
-        raise MeshError(
-            f"{location}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
-            f"{unknowns.name(k)}, "
-            "limit once; number nodes and directions anew"
-        )

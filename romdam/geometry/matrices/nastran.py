@@ -6,18 +6,14 @@ Not by pyNastran 1.4, which needs numpy 1. pyYeti 1.4 holds a DMIG as a dense ta
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 
 from romdam.core.errors import MeshError, listed, quote
 from romdam.geometry.matrices.data import Entries, motion_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
 _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
@@ -48,38 +44,27 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
             matrices = bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
         raise MeshError(f"{location}: cannot be read ({quote(str(error))}); write it anew") from error
-    name = _chosen(matrices, key, location)
-    matrix = matrices[name]
-    return _of_table(matrix, location) if hasattr(matrix, "index") else _plain(matrix, location)
-
-
-def _chosen(names: Collection[str], key: str, location: str) -> str:
-    fitting = [name for name in names if len(names) == 1 or name.upper().startswith(_LETTER[key])]
+    fitting = [name for name in matrices if len(matrices) == 1 or name.upper().startswith(_LETTER[key])]
     if len(fitting) != 1:
         raise MeshError(
-            f"{location}: has the matrices {listed(names)}, of which {len(fitting)} begin with "
-            f"{_LETTER[key]}, "
-            "expected one; write one matrix into a file of its own"
+            f"{location}: has the matrices {listed(matrices)}, of which {len(fitting)} begin with "
+            f"{_LETTER[key]}, expected one; write one matrix into a file of its own"
         )
-    return fitting[0]
+    matrix = matrices[fitting[0]]
+    if not hasattr(matrix, "index"):
+        entries = coo_array(matrix)
+        if entries.shape[0] != entries.shape[1]:
+            raise MeshError(f"{location}: is not square, {entries.shape[0]} by {entries.shape[1]}")
+        return Entries(entries.row, entries.col, entries.data.astype(float), entries.shape[0])
 
-
-def _plain(matrix: object, location: str) -> Entries:
-    entries = coo_array(matrix)
-    if entries.shape[0] != entries.shape[1]:
-        raise MeshError(f"{location}: is not square, {entries.shape[0]} by {entries.shape[1]}")
-    return Entries(entries.row, entries.col, entries.data.astype(float), entries.shape[0])
-
-
-def _of_table(table: pd.DataFrame, location: str) -> Entries:
-    """A DMIG, whose rows and columns are named by node and direction."""
-    if table.columns.nlevels != 2:
+    # a DMIG is a table whose rows and columns are named by node and direction
+    if matrix.columns.nlevels != 2:
         raise MeshError(
-            f"{location}: is a rectangular DMIG of {table.shape[1]} columns, expected a square one"
+            f"{location}: is a rectangular DMIG of {matrix.shape[1]} columns, expected a square one"
         )
-    ends = [np.array([*side.tolist()], dtype=np.int64) for side in (table.index, table.columns)]
+    ends = [np.array([*side.tolist()], dtype=np.int64) for side in (matrix.index, matrix.columns)]
     labels, number = np.unique(np.concatenate(ends), axis=0, return_inverse=True)
     row, column = np.split(number.ravel(), [len(ends[0])])
-    entries = coo_array(table.to_numpy(dtype=float))
+    entries = coo_array(matrix.to_numpy(dtype=float))
     labels[:, 1] = motion_of(labels[:, 1], location)
     return Entries(row[entries.row], column[entries.col], entries.data, labels=labels)

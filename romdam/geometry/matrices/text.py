@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -38,7 +40,19 @@ def read_text(path: Path, key: str, location: str) -> Entries:
         if matrix.shape[0] != matrix.shape[1]:
             raise MeshError(f"{location}: is not square, {matrix.shape[0]} by {matrix.shape[1]}")
         return Entries(matrix.row, matrix.col, matrix.data.astype(float), matrix.shape[0])
-    table = _table(path, location)
+    lines = [line.replace(",", " ").split() for line in file_text(path).split("\n")]
+    lines = [words for words in lines if words and not words[0].startswith(_COMMENTS)]
+    widths = {len(words) for words in lines}
+    if len(widths) != 1 or not widths <= {3, 5}:
+        raise MeshError(
+            f"{location}: has lines of {', '.join(map(str, sorted(widths))) or 'no'} numbers, expected 3 "
+            "(row, column, value) or 5 (node and direction twice, value) on every line, or %%MatrixMarket "
+            "in the first"
+        )
+    try:
+        table = np.array([word for words in lines for word in words], dtype=float).reshape(len(lines), -1)
+    except ValueError as error:
+        raise MeshError(f"{location}: holds what is no number ({quote(str(error))}); write it anew") from None
     if table.shape[1] == 3:
         row, column = _whole(table[:, :2], location).T
         return Entries(row, column, table[:, 2])
@@ -76,24 +90,6 @@ def read_columns(path: Path, location: str) -> Floats:
     return np.asarray(read if isinstance(read, np.ndarray) else coo_array(read).toarray(), dtype=float)
 
 
-def _table(path: Path, location: str) -> Floats:
-    lines = [line.replace(",", " ").split() for line in file_text(path).split("\n")]
-    lines = [words for words in lines if words and not words[0].startswith(_COMMENTS)]
-    widths = {len(words) for words in lines}
-    if len(widths) != 1 or not widths <= {3, 5}:
-        raise MeshError(
-            f"{location}: has lines of {', '.join(map(str, sorted(widths))) or 'no'} numbers, expected 3 "
-            "(row, "
-            "column, value) or 5 (node and direction twice, value) on every line, or %%MatrixMarket in the "
-            "first"
-        )
-    try:
-        table = np.array([word for words in lines for word in words], dtype=float)
-    except ValueError as error:
-        raise MeshError(f"{location}: holds what is no number ({quote(str(error))}); write it anew") from None
-    return table.reshape(len(lines), -1)
-
-
 def _whole(numbers: Floats, location: str) -> Ints:
     wrong = ~((np.abs(numbers) < _WHOLE) & (numbers == np.rint(numbers)))
     if wrong.any():
@@ -119,49 +115,64 @@ def read_dof(path: Path, location: str) -> Unknowns:
 
 def read_csv(path: Path, location: str) -> Unknowns:
     """Read node, direction and, where they are there, x, y, z; named in the first line."""
-    rows = _rows(path, ("node", "direction"), location)
+    table = _Table.read(path, ("node", "direction"), location)
     named = {name: k for k, name in enumerate(DIRECTIONS)} | {str(k + 1): k for k in range(6)}
-    words = [row["direction"].strip().lower() for row in rows]
+    words = [row["direction"].strip().lower() for row in table.rows]
     wrong = [word for word in words if word not in named]
     if wrong:
         raise MeshError(
             f"{location}: {len(wrong)} directions such as {quote(wrong[0])} are none of "
             f"{', '.join(DIRECTIONS)}"
         )
-    node = _whole(_floats(rows, ("node",), location), location)[:, 0]
-    return Unknowns(
-        node, np.array([named[word] for word in words], dtype=np.int64), _positions(rows, location)
-    )
+    motion = np.array([named[word] for word in words], dtype=np.int64)
+    return Unknowns(table.nodes(), motion, table.positions())
 
 
 def read_nodes(path: Path, location: str) -> tuple[Ints, Floats]:
     """Read node, x, y, z; named in the first line."""
-    rows = _rows(path, ("node", "x", "y", "z"), location)
-    return _whole(_floats(rows, ("node",), location), location)[:, 0], _positions(rows, location)
+    table = _Table.read(path, ("node", "x", "y", "z"), location)
+    return table.nodes(), table.positions()
 
 
-def _rows(path: Path, needed: tuple[str, ...], location: str) -> list[dict[str, str]]:
-    table = csv.DictReader(file_text(path).split("\n"))
-    try:
-        rows = [{k.strip().lower(): v or "" for k, v in row.items() if k} for row in table]
-    except (csv.Error, AttributeError) as error:
-        raise MeshError(f"{location}: is no table ({error})") from None
-    lost = [name for name in needed if not rows or name not in rows[0]]
-    if lost:
-        raise MeshError(
-            f"{location}: has no rows with a column {lost[0]!r}; its first line must name {', '.join(needed)}"
-        )
-    return rows
+@dataclass(frozen=True)
+class _Table:
+    """Rows of a CSV file by the column's name in small letters; `location` is file and key, for messages."""
 
+    rows: list[dict[str, str]]
+    location: str
 
-def _positions(rows: list[dict[str, str]], location: str) -> Floats:
-    if not all(name in rows[0] for name in "xyz"):
-        return np.full((len(rows), 3), np.nan)
-    return _floats([{name: row[name] or "nan" for name in "xyz"} for row in rows], ("x", "y", "z"), location)
+    @classmethod
+    def read(cls, path: Path, needed: tuple[str, ...], location: str) -> Self:
+        """Read a table that has the needed columns."""
+        table = csv.DictReader(file_text(path).split("\n"))
+        try:
+            rows = [{k.strip().lower(): v or "" for k, v in row.items() if k} for row in table]
+        except (csv.Error, AttributeError) as error:
+            raise MeshError(f"{location}: is no table ({error})") from None
+        lost = [name for name in needed if not rows or name not in rows[0]]
+        if lost:
+            raise MeshError(
+                f"{location}: has no rows with a column {lost[0]!r}; its first line must name "
+                f"{', '.join(needed)}"
+            )
+        return cls(rows, location)
 
+    def nodes(self) -> Ints:
+        """Numbers of nodes (n,)."""
+        return _whole(self._floats("node"), self.location)
 
-def _floats(rows: list[dict[str, str]], names: tuple[str, ...], location: str) -> Floats:
-    try:
-        return np.array([[float(row[name]) for name in names] for row in rows]).reshape(len(rows), -1)
-    except ValueError as error:
-        raise MeshError(f"{location}: holds what is no number ({quote(str(error))}); write it anew") from None
+    def positions(self) -> Floats:
+        """Coordinates (n, 3) as the file has them; NaN where it has none."""
+        if not all(name in self.rows[0] for name in "xyz"):
+            return np.full((len(self.rows), 3), np.nan)
+        return np.stack([self._floats(name) for name in "xyz"], axis=1)
+
+    def _floats(self, column: str) -> Floats:
+        """Numbers of a column (n,); an empty coordinate is NaN."""
+        empty = "nan" if column in "xyz" else ""
+        try:
+            return np.array([float(row[column] or empty) for row in self.rows])
+        except ValueError as error:
+            raise MeshError(
+                f"{self.location}: holds what is no number ({quote(str(error))}); write it anew"
+            ) from None

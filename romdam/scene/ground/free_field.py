@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, FreeField, Ints, Material
+from romdam.core.scene import Block, FreeField, Material
 from romdam.geometry.elements import ELEMENTS, Floats
 from romdam.geometry.facets import boundary_facets, facet_normals
 from romdam.geometry.meshes.kinds import refuse_wedges
@@ -17,7 +17,7 @@ from romdam.geometry.meshes.kinds import refuse_wedges
 log = logging.getLogger(__name__)
 
 _VERTICAL = 1e-3  # vertical component of the normal of a side; mesh files round to five digits
-_SAME = 1e-4  # of the rock's depth: elevations that are one
+_SAME = 1e-4  # of the rock's depth: elevations that are the same
 
 
 def free_field(
@@ -41,8 +41,8 @@ def free_field(
     for block in rock_blocks.values():
         refuse_wedges(block, "the rock of a free field is not made of", location)
     bottom = _bottom(rock_blocks, location)
-    sides = _sides(rock_blocks)
-    ends = np.concatenate([_ends(rock_blocks[name], facets) for name, facets in sides.items()])
+    ends_of = _side_ends(rock_blocks)
+    ends = np.concatenate(list(ends_of.values()))
     top = float(ends.max(initial=bottom)) if surface is None else surface
     if top - bottom <= 0.0:
         raise ConfigError(
@@ -50,14 +50,10 @@ def free_field(
             "`ground.surface`, or give the rock sides"
         )
     levels = _levels(ends, top, bottom, location)
-    materials = _materials(rock_blocks, sides, levels, location)
+    materials = _materials(rock_blocks, ends_of, levels, location)
     order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in rock_blocks.values())
     log.info("%s: free field of %d layers of elements, surface at %g m", location, len(materials), top)
     return FreeField(levels, materials, order, rock)
-
-
-def _normals(block: Block, facets: Ints) -> Floats:
-    return facet_normals(block.points, facets)[:, 2] if len(facets) else np.zeros(0)
 
 
 def _bottom(rock: Mapping[str, Block], location: str) -> float:
@@ -65,7 +61,7 @@ def _bottom(rock: Mapping[str, Block], location: str) -> float:
     faces = []
     for block in rock.values():
         for face in block.absorbing:
-            up = _normals(block, face.facets)
+            up = facet_normals(block.points, face.facets)[:, 2]
             faces.append(block.points[face.facets[np.abs(up) > _VERTICAL], 2].ravel())
     levels = np.concatenate(faces)
     low, high = levels.min(initial=np.inf), levels.max(initial=-np.inf)
@@ -84,22 +80,25 @@ def _bottom(rock: Mapping[str, Block], location: str) -> float:
     return lowest
 
 
-def _sides(rock: Mapping[str, Block]) -> dict[str, Ints]:
-    """Vertical facets of each block that are viscous, or, where none is, on its boundary."""
-    none = {name: block.cells[:0, :1] for name, block in rock.items()}
+def _side_ends(rock: Mapping[str, Block]) -> dict[str, Floats]:
+    """Lowest and highest elevation of each vertical facet of a block, (nf, 2) [m].
+
+    The facets are those that are viscous, or, where no viscous one is vertical, those of the boundary.
+    """
+    none = {name: np.zeros((0, 2)) for name in rock}
     viscous = {n: np.vstack([face.facets for face in b.absorbing]) for n, b in rock.items() if b.absorbing}
     boundary = {name: boundary_facets(block.cells, block.element) for name, block in rock.items()}
-    for facets in (viscous, boundary):
-        sides = {n: f[np.abs(_normals(rock[n], f)) <= _VERTICAL] for n, f in facets.items()}
-        if any(len(side) for side in sides.values()):
-            return none | sides
+    for facets_of in (viscous, boundary):
+        ends = {}
+        for name, facets in facets_of.items():
+            points = rock[name].points
+            sides = facets[np.abs(facet_normals(points, facets)[:, 2]) <= _VERTICAL]
+            if len(sides):
+                z = points[sides, 2]
+                ends[name] = np.stack([z.min(axis=1), z.max(axis=1)], axis=1)
+        if ends:
+            return none | ends
     return none
-
-
-def _ends(block: Block, facets: Ints) -> Floats:
-    """Lowest and highest elevation of each facet, (nf, 2) [m]."""
-    z = block.points[facets, 2]
-    return np.stack([z.min(axis=1), z.max(axis=1)], axis=1) if len(facets) else np.zeros((0, 2))
 
 
 def _levels(ends: Floats, top: float, bottom: float, location: str) -> Floats:
@@ -120,10 +119,8 @@ def _levels(ends: Floats, top: float, bottom: float, location: str) -> Floats:
         if not len(here):
             raise ConfigError(
                 f"{location}: free_field comes up along the rock's sides from {bottom:g} to {top:g} m, and "
-                "they "
-                f"have no facets (0) below {levels_kept[-1]:.4g} m; correct `ground.surface`, or name all "
-                "rock in "
-                "ground.rock"
+                f"they have no facets (0) below {levels_kept[-1]:.4g} m; correct `ground.surface`, or name "
+                "all rock in ground.rock"
             )
         height = float(np.diff(here, axis=1).mean())
         left = levels_kept[-1] - height - bottom
@@ -132,9 +129,13 @@ def _levels(ends: Floats, top: float, bottom: float, location: str) -> Floats:
 
 
 def _materials(
-    rock: Mapping[str, Block], sides: Mapping[str, Ints], levels: Floats, location: str
+    rock: Mapping[str, Block], ends_of: Mapping[str, Floats], levels: Floats, location: str
 ) -> tuple[Material, ...]:
     """The material of each layer.
+
+    Parameters
+    ----------
+    ends_of : block name -> (nf, 2) lowest and highest elevation of its facets on the sides [m]
 
     Raises
     ------
@@ -142,8 +143,7 @@ def _materials(
         where the sides have several along one level, or none.
     """
     within: list[dict[Material, str]] = [{} for _ in levels[1:]]
-    for name, facets in sides.items():
-        ends = _ends(rock[name], facets)
+    for name, ends in ends_of.items():
         for k, (high, low) in enumerate(pairwise(levels)):
             middle = 0.5 * (high + low)
             if ((ends[:, 0] < middle) & (ends[:, 1] > middle)).any():

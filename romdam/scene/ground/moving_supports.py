@@ -7,10 +7,10 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from romdam.config.sections.supports import SupportConfig, SupportMotionConfig
+from romdam.config.sections.supports import SupportConfig
 from romdam.core.errors import ConfigError
 from romdam.core.motion import MovingSupports, SupportMotion
-from romdam.core.scene import Block, Ints
+from romdam.core.scene import Block
 from romdam.scene.select import select_facets
 from romdam.scene.ties import Part
 
@@ -22,9 +22,9 @@ _NONE = -1  # number of the entry, or of the motion, where there is none
 def moving_supports(
     supports: Sequence[SupportConfig], blocks: Mapping[str, Block], parts: Collection[Part], source: str
 ) -> MovingSupports | None:
-    """Find the components that supports of their own motion hold; None where all move as the base does.
+    """Find the components that supports with a motion hold; None where all move as the base does.
 
-    Components that a dam's own keys hold move as a support says that holds them too.
+    Components that the keys of a dam hold move as a support says that holds them too.
 
     Parameters
     ----------
@@ -35,10 +35,7 @@ def moving_supports(
     ConfigError
         where supports of different motions meet on a node.
     """
-    texts = [
-        "" if support_config.motion is None else support_config.motion.model_dump_json()
-        for support_config in supports
-    ]
+    texts = ["" if support.motion is None else support.motion.model_dump_json() for support in supports]
     first = {text: texts.index(text) for text in texts if text}
     if not first:
         return None
@@ -49,26 +46,21 @@ def moving_supports(
         facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
         nodes, part = np.unique(facets), part_of[support.block]
         before = entries[part.name][part.number[support.block][nodes]]
-        _refuse_meeting(k, before[before > _NONE], texts, f"{source}: supports")
+        differ = [other for other in before[before > _NONE].tolist() if texts[other] != texts[k]]
+        if differ:
+            raise ConfigError(
+                f"{source}: supports[{k}].motion: {len(differ)} of its nodes are held by "
+                f"supports[{differ[0]}] too, which moves otherwise, limit 0; give faces that do not meet, or "
+                "one motion"
+            )
         entries[part.name][part.number[support.block][nodes]] = k
         if texts[k]:
             for axis in support.fix:
                 components[support.block][nodes, "xyz".index(axis)] = list(first).index(texts[k])
     log.info("%s: supports: %d motions besides that of the base", source, len(first))
-    return MovingSupports(tuple(_motion(k, supports[k].motion) for k in first.values()), components)
-
-
-def _refuse_meeting(entry: int, others: Ints, texts: Sequence[str], location: str) -> None:
-    """Raise where some nodes of an entry are held by others too that move otherwise."""
-    differ = [k for k in others.tolist() if texts[k] != texts[entry]]
-    if differ:
-        raise ConfigError(
-            f"{location}[{entry}].motion: {len(differ)} of its nodes are held by supports[{differ[0]}] too, "
-            "which moves otherwise, limit 0; give faces that do not meet, or one motion"
-        )
-
-
-def _motion(entry: int, config: SupportMotionConfig | None) -> SupportMotion:
-    """A motion without its record, which is read where records are."""
-    assert config is not None
-    return SupportMotion(entry, config.delay, config.factor)
+    motions = []  # without their records, which are read where records are
+    for k in first.values():
+        config = supports[k].motion
+        assert config is not None
+        motions.append(SupportMotion(k, config.delay, config.factor))
+    return MovingSupports(tuple(motions), components)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +35,11 @@ def with_viscous_faces(
     ConfigError
         for faces that a block has not, and blocks without mass.
     """
-    foot = _foot(blocks, rock)
+    # the middle of the foot of what stands on the rock; of rock alone, of its top (3,) [m]
+    standing = [block.points for name, block in blocks.items() if name not in rock]
+    points = np.vstack(standing or [block.points for block in blocks.values()])
+    low, high = points.min(axis=0), points.max(axis=0)
+    foot = np.append((low + high)[:2] / 2.0, low[2] if standing else high[2])
     with_faces, seen = dict(blocks), dict[tuple[str, tuple[int, ...]], str]()
     for k, viscous in enumerate(faces):
         location, block = f"{source}: ground.viscous[{k}]", with_faces[viscous.block]
@@ -51,14 +55,6 @@ def with_viscous_faces(
             block = replace(block, absorbing=(*block.absorbing, Absorbing(facets, away)))
         with_faces[viscous.block] = block
     return with_faces
-
-
-def _foot(blocks: Mapping[str, Block], rock: frozenset[str]) -> Floats:
-    """The middle of the foot of what stands on the rock; of rock alone, of its top (3,) [m]."""
-    standing = [block.points for name, block in blocks.items() if name not in rock]
-    points = np.vstack(standing or [block.points for block in blocks.values()])
-    low, high = points.min(axis=0), points.max(axis=0)
-    return np.append((low + high)[:2] / 2.0, low[2] if standing else high[2])
 
 
 def _distance(points: Floats, facets: Ints, foot: Floats, location: str) -> float:
