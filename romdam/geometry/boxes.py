@@ -27,48 +27,38 @@ def box_block(name: str, box: BoxConfig, material: Material, location: str) -> B
     ConfigError
         when the element size does not divide the box.
     """
-    divisions = _divisions(box, location)
-    points = _grid_points(np.array(box.origin), np.array(box.size), divisions)
-    cells = _grid_cells(divisions)
+    wanted, counts = box.element_size, []
+    sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
+    for length, size, axis in zip(box.size, sizes, "xyz", strict=True):
+        count = max(round(length / size), 1)
+        if abs(count * size - length) > _DIVIDES * length:
+            fewer = max(int(length / size), 1)
+            nearest = " or ".join(f"{length / n:.6g}" for n in (fewer + 1, fewer))
+            raise ConfigError(
+                f"{location}.element_size = {size:g} m does not divide the box, {length:g} m along {axis} "
+                f"({length / size:.4g} elements); the nearest sizes that do are {nearest} m"
+            )
+        counts.append(count)
+
+    low, high = np.array(box.origin), np.array(box.origin) + np.array(box.size)
+    lines = [o + s * (np.arange(n + 1) / n) for o, s, n in zip(box.origin, box.size, counts, strict=True)]
+    z, y, x = np.meshgrid(lines[2], lines[1], lines[0], indexing="ij")
+    points = np.c_[x.ravel(), y.ravel(), z.ravel()]
+
+    # hexahedra whose nodes are numbered along x, then y, then z
+    nx, ny, nz = (n + 1 for n in counts)
+    first = np.arange(nx * ny * nz).reshape(nz, ny, nx)[:-1, :-1, :-1].ravel()
+    ring = np.array([0, 1, nx + 1, nx])
+    cells = first[:, None] + np.concatenate([ring, ring + nx * ny])[None]
+
     points, cells = _split(points, cells, ELEMENTS[box.element].linear)
     points, cells = with_middle_nodes(points, cells, ELEMENTS[box.element])
-    return Block(name, box.element, points, cells, material, _box_faces(box, points, cells))
-
-
-def _divisions(box: BoxConfig, location: str) -> tuple[int, int, int]:
-    wanted = box.element_size
-    sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
-    return tuple(  # type: ignore[return-value]  # three of them
-        _division(length, size, f"{location}.element_size", axis)
-        for length, size, axis in zip(box.size, sizes, "xyz", strict=True)
-    )
-
-
-def _division(length: float, size: float, location: str, axis: str) -> int:
-    count = max(round(length / size), 1)
-    if abs(count * size - length) <= _DIVIDES * length:
-        return count
-    fewer = max(int(length / size), 1)
-    nearest = " or ".join(f"{length / n:.6g}" for n in (fewer + 1, fewer))
-    raise ConfigError(
-        f"{location} = {size:g} m does not divide the box, {length:g} m along {axis} "
-        f"({length / size:.4g} elements); the nearest sizes that do are {nearest} m"
-    )
-
-
-def _grid_points(origin: Floats, size: Floats, divisions: tuple[int, int, int]) -> Floats:
-    axes = [o + s * (np.arange(n + 1) / n) for o, s, n in zip(origin, size, divisions, strict=True)]
-    z, y, x = np.meshgrid(axes[2], axes[1], axes[0], indexing="ij")
-    return np.c_[x.ravel(), y.ravel(), z.ravel()]
-
-
-def _grid_cells(divisions: tuple[int, int, int]) -> Ints:
-    """Hexahedra of a grid whose nodes are numbered along x, then y, then z."""
-    nx, ny, nz = (n + 1 for n in divisions)
-    number = np.arange(nx * ny * nz).reshape(nz, ny, nx)
-    first = number[:-1, :-1, :-1].ravel()
-    ring = np.array([0, 1, nx + 1, nx])
-    return first[:, None] + np.concatenate([ring, ring + nx * ny])[None]
+    boundary, tolerance = boundary_facets(cells, box.element), 1e-6 * min(box.size)
+    faces = {}
+    for k, axis in enumerate("xyz"):
+        faces[f"{axis}min"] = facets_in_plane(points, boundary, k, low[k], tolerance)
+        faces[f"{axis}max"] = facets_in_plane(points, boundary, k, high[k], tolerance)
+    return Block(name, box.element, points, cells, material, faces)
 
 
 def hexahedra(number: Ints) -> Ints:
@@ -131,15 +121,3 @@ def with_middle_nodes(points: Floats, corners: Ints, element: Element) -> tuple[
         cells = np.hstack([cells, len(points) + inverse.reshape(len(corners), len(among))])
         points = np.vstack([points, points[rows[first]].mean(axis=1)])
     return points, cells
-
-
-def _box_faces(box: BoxConfig, points: Floats, cells: Ints) -> dict[str, Ints]:
-    boundary = boundary_facets(cells, box.element)
-    tolerance = 1e-6 * min(box.size)
-    low = np.array(box.origin)
-    ends = (low, low + np.array(box.size))
-    return {
-        f"{axis}{end}": facets_in_plane(points, boundary, k, ends[e][k], tolerance)
-        for k, axis in enumerate("xyz")
-        for e, end in enumerate(("min", "max"))
-    }

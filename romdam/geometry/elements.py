@@ -214,12 +214,8 @@ def _with_middles(
         for f, ring in zip(facets, rings, strict=True)
     ]
     widest = max(map(len, whole), default=0)
-    return tuple(f if len(f) == widest else _collapsed(f, widest) for f in whole)
-
-
-def _collapsed(triangle: Corners, width: int) -> Corners:
-    """A triangle's nodes as those of a quadrilateral."""
-    return tuple(triangle[k] for k in COLLAPSED[2, width]["triangle" if width == 4 else "triangle6"])
+    triangle = COLLAPSED.get((2, widest), {}).get("triangle" if widest == 4 else "triangle6", ())
+    return tuple(f if len(f) == widest else tuple(f[k] for k in triangle) for f in whole)
 
 
 def _element(name: str, cell: Cell, order: int, **others: Any) -> Element:

@@ -69,9 +69,17 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
     points, cells, tags = _elements(config, lines, owner)
     owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
     facets = [boundary_facets(cells[owner == n], config.element) for n in range(len(config.block_names))]
-    shared = _shared(facets)
+    # True for facets that two blocks have, block by block
+    key = row_numbers(np.sort(np.vstack(facets), axis=1))
+    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
+    shared = np.split(count[number] > 1, np.cumsum([len(of_block) for of_block in facets])[:-1])
+
     blocks, numbers = {}, {}
-    for n, (name, material) in enumerate(_materials(config, materials).items()):
+    concrete = rock_material = materials[config.material]
+    if config.rock is not None:
+        rock_material = materials[config.rock.material].with_mass(config.rock.mass)
+    for n, name in enumerate(config.block_names):
+        material = concrete if name in config.monolith_names else rock_material
         numbers[name], local = np.unique(cells[owner == n], return_inverse=True)
         cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
         on = _faces(config, lines, name, tags[facets[n]], shared[n])
@@ -84,22 +92,22 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
         refuse_bad_cells(blocks[name], location)
     rock = frozenset(blocks) - set(config.monolith_names)
     settled = rock if config.rock and not config.rock.weight else frozenset()
-    return Dam(blocks, _ties(config, numbers), _held(config, blocks), settled)
-
-
-def _materials(config: GravityDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
-    """Material of every block."""
-    names = dict.fromkeys(config.block_names, materials[config.material])
-    if config.rock is not None:
-        rock = materials[config.rock.material].with_mass(config.rock.mass)
-        names |= dict.fromkeys((name for name in names if name not in config.monolith_names), rock)
-    return names
+    ties = []
+    for I, J in config.tied_pairs:
+        _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
+        ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
+    return Dam(blocks, tuple(ties), _held(config, blocks), settled)
 
 
 def _lines(config: GravityDamConfig, location: str) -> _Lines:
     z = _rows(config, location)
     walls = np.array([config.walls(max(level, config.lowest)) for level in z])
-    columns = _columns(config)
+    # elements between the faces, or between these and the walls of a gallery
+    through, parts = config.divisions.through, config.divisions.parts
+    columns = [through * parts]
+    if config.gallery is not None:
+        width = np.diff(config.walls(config.gallery.floor))
+        columns = [max(1, round(through * share)) * parts for share in width / width.sum()]
     shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in columns]
     y = [walls[:, :1]]
     y += [a[:, None] + s * (b - a)[:, None] for a, b, s in zip(walls.T, walls.T[1:], shares, strict=False)]
@@ -133,15 +141,6 @@ def _rows(config: GravityDamConfig, location: str) -> Floats:
             refuse_thin(count, d.growth, f"{location}.divisions")
         rows.insert(0, config.lowest - config.rock.depth * graded(d.depth, d.growth)[:0:-1])
     return np.concatenate(rows)
-
-
-def _columns(config: GravityDamConfig) -> list[int]:
-    """Numbers of elements between the faces, or between the faces and the walls of a gallery."""
-    through, parts = config.divisions.through, config.divisions.parts
-    if config.gallery is None:
-        return [through * parts]
-    width = np.diff(config.walls(config.gallery.floor))
-    return [max(1, round(through * share)) * parts for share in width / width.sum()]
 
 
 def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
@@ -193,13 +192,6 @@ def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Flo
     return np.ascontiguousarray(both[:, :3]), cells, both[:, 3:]
 
 
-def _shared(facets: list[Ints]) -> list[Bools]:
-    """For each block, True for its facets that another block has too."""
-    key = row_numbers(np.sort(np.vstack(facets), axis=1))
-    _, number, count = np.unique(key, return_inverse=True, return_counts=True)
-    return np.split(count[number] > 1, np.cumsum([len(facets_of_block) for facets_of_block in facets])[:-1])
-
-
 def _faces(
     config: GravityDamConfig, lines: _Lines, name: str, where: Floats, shared: Bools
 ) -> dict[str, Bools]:
@@ -210,7 +202,14 @@ def _faces(
         return np.asarray((tag == line).all(axis=1))
 
     if name not in config.monolith_names:
-        return _rock_faces(lines, (i, j, k), shared)
+        faces = {
+            "base": at(k, 0),
+            "side_upstream": at(j, 0),
+            "side_downstream": at(j, len(lines.y) - 1),
+            "side_left": at(i, 0),
+            "side_right": at(i, len(lines.x) - 1),
+        }
+        return faces | {"surface": ~shared & ~np.any(list(faces.values()), axis=0)}
     low, high = k.min(), k.max()
     base = lines.row(config.bases[int(name.split("_")[1]) - 1])
     faces = {
@@ -222,22 +221,6 @@ def _faces(
         "right": at(i, i.max()),
     }
     return faces | {"gallery": ~np.any(list(faces.values()), axis=0)}
-
-
-def _rock_faces(lines: _Lines, where: tuple[Floats, Floats, Floats], shared: Bools) -> dict[str, Bools]:
-    i, j, k = where
-    ends = {"base": (k, 0), "side_upstream": (j, 0), "side_downstream": (j, len(lines.y) - 1)}
-    ends |= {"side_left": (i, 0), "side_right": (i, len(lines.x) - 1)}
-    faces = {face: np.asarray((tag == line).all(axis=1)) for face, (tag, line) in ends.items()}
-    return faces | {"surface": ~shared & ~np.any(list(faces.values()), axis=0)}
-
-
-def _ties(config: GravityDamConfig, numbers: dict[str, Ints]) -> tuple[Tie, ...]:
-    ties = []
-    for I, J in config.tied_pairs:
-        _, at_I, at_J = np.intersect1d(numbers[I], numbers[J], assume_unique=True, return_indices=True)
-        ties.append(Tie(f"{I} - {J}", (I, J), (at_I, at_J)))
-    return tuple(ties)
 
 
 def _held(config: GravityDamConfig, blocks: dict[str, Block]) -> dict[str, Bools]:

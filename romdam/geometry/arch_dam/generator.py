@@ -32,7 +32,7 @@ _ON = 1e-6  # of the rock's size: distance from a plane that counts as on it
 
 @dataclass(frozen=True)
 class Dam:
-    """Blocks, ties and supports that a dam made of a few keys adds to a scene.
+    """Blocks, ties and supports that a dam of a few keys adds to a scene.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Dam:
 class _Grid:
     """All hexahedra: nodes, block of each, whether its tetrahedra are mirrored; positions and tags of nodes.
 
-    A tag is a node's place in a grid: (a, b, c) in the dam, (p, b, l) in the ground.
+    A tag is a node's indices in a grid: (a, b, c) in the dam, (p, b, l) in the ground.
     """
 
     points: Floats
@@ -87,16 +87,20 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: st
     grid = _grid(config, dam, ground)
     points, cells, tags = _elements(grid, config.element)
     owner = np.repeat(grid.owner, len(cells) // len(grid.owner))
-    kinds = _block_materials(config, materials)
+    zones = config.rock.zones if config.rock else {}
+    material_of = dict.fromkeys(config.cantilever_names, materials[config.material])
+    if config.perimeter:
+        material_of[PERIMETER] = materials[config.perimeter.material]
+    for zone, rock in zones.items():
+        material_of[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
     blocks, numbers = {}, {}
     for k, name in enumerate(config.block_names):
         numbers[name], local = np.unique(cells[owner == k], return_inverse=True)
         cell_nodes = local.reshape(-1, cells.shape[1]).astype(np.int64)
-        block = Block(name, config.element, points[numbers[name]], cell_nodes, kinds[name], {})
+        block = Block(name, config.element, points[numbers[name]], cell_nodes, material_of[name], {})
         where = tags[k < config.cantilevers][numbers[name]]
         blocks[name] = replace(block, faces=_faces(config, block, where, ground))
         refuse_bad_cells(blocks[name], location)
-    zones = config.rock.zones if config.rock else {}
     excluded = frozenset(f"{ROCK}_{zone}" for zone, rock in zones.items() if not rock.weight)
     held, ties = _held(config, blocks), _ties(config, blocks, numbers)
     return Dam(blocks, ties, held, excluded, _viscous(config, blocks))
@@ -129,16 +133,16 @@ def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
         mirrored=2 * a < na,
         tags={True: _tags(number, number.size)},
     )
-    return inner if ground is None else _with_ground(inner, number, ground, list(config.block_names))
-
-
-def _with_ground(inner: _Grid, dam: Ints, ground: Ground, names: list[str]) -> _Grid:
+    if ground is None:
+        return inner
     first = len(inner.points)
-    number = ground.number(dam, first)
-    fresh = number >= first
+    ground_number = ground.number(number, first)
+    fresh = ground_number >= first
     count = first + int(fresh.sum())
-    cells = hexahedra(number[:, :, ::-1]).reshape(*(n - 1 for n in number.shape), 8)[:, :, ::-1]
-    piece_of = ground.parts(names)
+    # layers run outward, so that cells are taken with them reversed
+    shape = tuple(n - 1 for n in ground_number.shape)
+    cells = hexahedra(ground_number[:, :, ::-1]).reshape(*shape, 8)[:, :, ::-1]
+    piece_of = ground.parts(list(config.block_names))
     filled = piece_of >= 0
     left = np.broadcast_to(2 * np.arange(len(piece_of))[:, None, None] < len(piece_of), piece_of.shape)
     rest = np.full((count - first, 3), np.nan)
@@ -147,12 +151,12 @@ def _with_ground(inner: _Grid, dam: Ints, ground: Ground, names: list[str]) -> _
         cells=np.vstack([inner.cells, cells[filled]]),
         owner=np.concatenate([inner.owner, piece_of[filled]]),
         mirrored=np.concatenate([inner.mirrored, left[filled]]),
-        tags={True: np.vstack([inner.tags[True], rest]), False: _tags(number, count)},
+        tags={True: np.vstack([inner.tags[True], rest]), False: _tags(ground_number, count)},
     )
 
 
 def _tags(number: Ints, count: int) -> Floats:
-    """Place in a grid of node numbers of every node 0 to count, nan where it is not in it."""
+    """Indices in a grid of node numbers of every node 0 to count, nan where it is not in it."""
     tags = np.full((count, 3), np.nan)
     there = number >= 0
     tags[number[there]] = np.argwhere(there)
@@ -173,81 +177,58 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
     return points, cells, dict(zip(grid.tags, tags, strict=True))
 
 
-def _block_materials(config: ArchDamConfig, materials: dict[str, Material]) -> dict[str, Material]:
-    names = dict.fromkeys(config.cantilever_names, materials[config.material])
-    if config.perimeter:
-        names[PERIMETER] = materials[config.perimeter.material]
-    for zone, rock in config.rock.zones.items() if config.rock else ():
-        names[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
-    return names
-
-
 def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | None) -> dict[str, Ints]:
+    """Named facets of a block, from the tags (n, 3) of its nodes."""
     facets = boundary_facets(block.cells, block.element)
-    where, points = tags[facets], block.points[facets]
+
+    def on(coordinate: Floats, value: float, tolerance: float = 0.0) -> Bools:
+        return np.asarray((np.abs(coordinate - value) <= tolerance).all(axis=1))
+
     if block.name in config.cantilever_names:
-        faces = _cantilever_faces(config, block.name, where)
-    elif block.name == PERIMETER:
-        assert ground is not None
-        faces = _perimeter_faces(where, ground)
+        d, k = config.divisions, config.cantilever_names.index(block.name)
+        a, b, c = np.moveaxis(tags[facets], -1, 0)
+        sides = {k: k * d.along, k + 1: (k + 1) * d.along}
+        ends = [i for i in sides if i in (0, config.cantilevers)]
+        contact = on(c, 0)
+        for i in ends:
+            contact |= on(a, sides[i])
+        faces = {
+            "upstream": on(b, 0),
+            "downstream": on(b, d.through),
+            "crest": on(c, d.up),
+            "contact": contact,
+        }
+        faces |= {f"{JOINT}{i}": on(a, side) for i, side in sides.items() if i not in ends}
+        return {name: facets[which] for name, which in faces.items() if which.any()}
+
+    assert ground is not None
+    p, b, l = np.moveaxis(tags[facets], -1, 0)
+    first, last = ground.under
+    path_ends = on(p, 0) | on(p, ground.path)
+    if block.name == PERIMETER:
+        faces = {
+            "dam": on(l, 0),
+            "contact": on(l, ground.layers),
+            "upstream": on(b, first),
+            "downstream": on(b, last),
+            "crest": path_ends,
+        }
     else:
-        assert ground is not None
-        faces = _rock_faces(config, where, points, ground)
-    return {name: facets[on] for name, on in faces.items() if on.any()}
-
-
-def _cantilever_faces(config: ArchDamConfig, name: str, where: Floats) -> dict[str, Bools]:
-    d, k = config.divisions, config.cantilever_names.index(name)
-    a, b, c = np.moveaxis(where, -1, 0)
-    sides = {k: k * d.along, k + 1: (k + 1) * d.along}
-    ends = [i for i in sides if i in (0, config.cantilevers)]
-    contact = (c == 0).all(axis=1)
-    for i in ends:
-        contact |= (a == sides[i]).all(axis=1)
-    faces = {
-        "upstream": (b == 0).all(axis=1),
-        "downstream": (b == d.through).all(axis=1),
-        "crest": (c == d.up).all(axis=1),
-        "contact": contact,
-    }
-    return faces | {f"{JOINT}{i}": (a == at).all(axis=1) for i, at in sides.items() if i not in ends}
-
-
-def _perimeter_faces(where: Floats, ground: Ground) -> dict[str, Bools]:
-    p, b, l = np.moveaxis(where, -1, 0)
-    first, last = ground.under
-    return {
-        "dam": (l == 0).all(axis=1),
-        "contact": (l == ground.layers).all(axis=1),
-        "upstream": (b == first).all(axis=1),
-        "downstream": (b == last).all(axis=1),
-        "crest": (p == 0).all(axis=1) | (p == ground.path).all(axis=1),
-    }
-
-
-def _rock_faces(config: ArchDamConfig, where: Floats, points: Floats, ground: Ground) -> dict[str, Bools]:
-    rock = config.rock
-    assert rock is not None
-    p, b, l = np.moveaxis(where, -1, 0)
-    x, y, z = np.moveaxis(points, -1, 0)
-    tolerance = _ON * rock.half_width
-    first, last = ground.under
-    below = (b >= first) & (b <= last) & (l <= ground.layers)
-
-    def on(coordinate: Floats, at: float) -> Bools:
-        return np.asarray((np.abs(coordinate - at) <= tolerance).all(axis=1))
-
-    contact = below.all(axis=1)
-    top = (p == 0).all(axis=1) | (p == ground.path).all(axis=1) | (l == 0).all(axis=1)
-    return {
-        "base": on(z, config.base - rock.depth),
-        "side_left": on(x, -rock.half_width),
-        "side_right": on(x, rock.half_width),
-        "side_upstream": on(y, -rock.upstream),
-        "side_downstream": on(y, rock.downstream),
-        "contact": contact,
-        "surface": top & ~contact,
-    }
+        rock = config.rock
+        assert rock is not None
+        x, y, z = np.moveaxis(block.points[facets], -1, 0)
+        tolerance = _ON * rock.half_width
+        contact = ((b >= first) & (b <= last) & (l <= ground.layers)).all(axis=1)
+        faces = {
+            "base": on(z, config.base - rock.depth, tolerance),
+            "side_left": on(x, -rock.half_width, tolerance),
+            "side_right": on(x, rock.half_width, tolerance),
+            "side_upstream": on(y, -rock.upstream, tolerance),
+            "side_downstream": on(y, rock.downstream, tolerance),
+            "contact": contact,
+            "surface": (path_ends | on(l, 0)) & ~contact,
+        }
+    return {name: facets[which] for name, which in faces.items() if which.any()}
 
 
 def _viscous(config: ArchDamConfig, blocks: dict[str, Block]) -> tuple[ViscousConfig, ...]:

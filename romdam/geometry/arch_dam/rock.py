@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig, ZoneConfig
+from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Ints
 from romdam.geometry.elements import Floats
@@ -90,62 +90,65 @@ def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | N
         + [(na, c) for c in range(1, nc + 1)]
     )
     inner = dam[contact[:, 0], :, contact[:, 1]]
-    rays = _rays(inner, config.crest)
+    # unit vectors in x and z from the middle of the crest through the contact's points
+    away = inner - np.array([0.0, 0.0, config.crest])
+    away[..., 1] = 0.0
+    rays = away / np.linalg.norm(away, axis=-1, keepdims=True)
     layers = [inner]
     if config.perimeter:
         thickness = config.perimeter.thickness * _stretch(inner, rays)[:, None, None]
         share = np.linspace(0.0, 1.0, config.divisions.perimeter + 1)[1:]
         layers += [inner + s * thickness * rays for s in share]
     count = len(layers) - 1
-    if config.rock is None:
+    rock, d = config.rock, config.divisions
+    if rock is None:
         points = np.stack(layers, axis=2)
         filled = np.ones(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
         return Ground(points, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
-    _refuse_small(config, config.rock, layers[-1], location)
-    outer = _box(config, config.rock, layers[-1], rays)
+    last = layers[-1]
+    extents = {
+        "half_width": (rock.half_width, float(np.abs(last[..., 0]).max())),
+        "upstream": (rock.upstream, float(-last[..., 1].min())),
+        "downstream": (rock.downstream, float(last[..., 1].max())),
+        "depth": (rock.depth, float(config.base - last[..., 2].min())),
+    }
+    for key, (extent, needed) in extents.items():
+        if extent <= needed:
+            raise ConfigError(
+                f"{location}.rock.{key}: the rock is smaller than the dam: {extent:g} m, but dam and "
+                f"perimeter reach {needed:.4g} m; make it larger, commonly by one or two heights of the dam"
+            )
+    outer = _box(config, rock, last, rays)
     for key in ("rock", "upstream", "downstream"):
-        refuse_thin(getattr(config.divisions, key), config.divisions.growth, f"{location}.divisions.{key}")
-    share = graded(config.divisions.rock, config.divisions.growth)[1:]
-    layers += [layers[count] + s * (outer - layers[count]) for s in share]
-    points, under = _rows(config, config.rock, np.stack(layers, axis=2))
-    return _zoned(config, config.rock, points, under, count, contact, location)
+        refuse_thin(getattr(d, key), d.growth, f"{location}.divisions.{key}")
+    layers += [last + s * (outer - last) for s in graded(d.rock, d.growth)[1:]]
+    points = np.stack(layers, axis=2)
+    under = (d.upstream, d.upstream + points.shape[1] - 1)
 
-
-def _rays(inner: Floats, crest: float) -> Floats:
-    """Unit vectors in x and z from the middle of the crest through the contact's points."""
-    away = inner - np.array([0.0, 0.0, crest])
-    away[..., 1] = 0.0
-    return away / np.linalg.norm(away, axis=-1, keepdims=True)
+    # continue the grid (p, b, l) up- and downstream to the ends of the box
+    rows = []
+    for start, end, share in (
+        (points[:, :1], -rock.upstream, graded(d.upstream, d.growth)[:0:-1]),
+        (points[:, -1:], rock.downstream, graded(d.downstream, d.growth)[1:]),
+    ):
+        row = np.repeat(start, len(share), axis=1)
+        row[..., 1] += share[None, :, None] * (end - start[..., 1])
+        rows.append(row)
+    points = np.concatenate([rows[0], points, rows[1]], axis=1)
+    return _zoned(rock, points, under, count, contact, location)
 
 
 def _stretch(inner: Floats, rays: Floats) -> Floats:
     """Length along each ray per thickness across the contact, (np + 1,); the larger one at corners."""
     middle = inner.mean(axis=1)
     along = np.diff(middle, axis=0)
-    normal = np.stack(
-        [along[:, 2], -along[:, 0]], axis=1
-    )  # outward: to the left going down, down going right
+    # outward: to the left going down, down going right
+    normal = np.stack([along[:, 2], -along[:, 0]], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ray = rays.mean(axis=1)[:, [0, 2]]
     cosine = np.abs(np.stack([(normal * ray[:-1]).sum(axis=1), (normal * ray[1:]).sum(axis=1)]))
     least = np.minimum(np.append(cosine[0], np.inf), np.insert(cosine[1], 0, np.inf))
     return 1.0 / np.maximum(least, _FLAT)
-
-
-def _refuse_small(config: ArchDamConfig, rock: RockConfig, inner: Floats, location: str) -> None:
-    extents = {
-        "half_width": (rock.half_width, float(np.abs(inner[..., 0]).max())),
-        "upstream": (rock.upstream, float(-inner[..., 1].min())),
-        "downstream": (rock.downstream, float(inner[..., 1].max())),
-        "depth": (rock.depth, float(config.base - inner[..., 2].min())),
-    }
-    for key, (extent, needed) in extents.items():
-        if extent <= needed:
-            raise ConfigError(
-                f"{location}.rock.{key}: the rock is smaller than the dam: {extent:g} m, but dam and "
-                "perimeter "
-                f"reach {needed:.4g} m; make it larger, commonly by one or two heights of the dam"
-            )
 
 
 def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -> Floats:
@@ -179,21 +182,7 @@ def refuse_thin(count: int, growth: float, location: str) -> None:
         )
 
 
-def _rows(config: ArchDamConfig, rock: RockConfig, points: Floats) -> tuple[Floats, tuple[int, int]]:
-    """Continue the grid (p, b, l) up- and downstream to the ends of the box."""
-    d = config.divisions
-    up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
-    ends = (points[:, :1], -rock.upstream, up), (points[:, -1:], rock.downstream, down)
-    rows = []
-    for start, at, share in ends:
-        row = np.repeat(start, len(share), axis=1)
-        row[..., 1] += share[None, :, None] * (at - start[..., 1])
-        rows.append(row)
-    return np.concatenate([rows[0], points, rows[1]], axis=1), (d.upstream, d.upstream + points.shape[1] - 1)
-
-
 def _zoned(
-    config: ArchDamConfig,
     rock: RockConfig,
     points: Floats,
     under: tuple[int, int],
@@ -201,6 +190,7 @@ def _zoned(
     contact: Ints,
     location: str,
 ) -> Ground:
+    """The ground with the zone of every cell of rock."""
     shape = tuple(n - 1 for n in points.shape[:3])
     perimeter = np.zeros(shape, dtype=bool)
     perimeter[:, under[0] : under[1], :layers] = True
@@ -214,9 +204,8 @@ def _zoned(
         x, y, z = centre[left_out][0]
         raise ConfigError(
             f"{location}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are "
-            "in no "
-            f"zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it takes "
-            "the rest"
+            f"in no zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it "
+            "takes the rest"
         )
     return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
 
@@ -232,32 +221,26 @@ def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str)
     names, zone = list(rock.zones), np.full(centre.shape[:-1], -1)
     limits = [sum(limit is not None for limit in (z.x, z.y, z.z)) for z in rock.zones.values()]
     for k in sorted(range(len(names)), key=lambda k: -limits[k]):
-        inside = _inside(rock.zones[names[k]], centre) & rock_cells
+        inside, limits_of = rock_cells.copy(), rock.zones[names[k]]
+        for axis, limit in enumerate((limits_of.x, limits_of.y, limits_of.z)):
+            if limit is not None:
+                inside &= (centre[..., axis] >= limit[0]) & (centre[..., axis] < limit[1])
         both = inside & np.isin(zone, [j for j in range(len(names)) if j != k and limits[j] == limits[k]])
         if both.any():
             x, y, z = centre[both][0]
             other = names[int(zone[both][0])]
             raise ConfigError(
                 f"{location}.rock.zones: {int(both.sum())} cells, the first around ({x:.4g}, {y:.4g}, "
-                f"{z:.4g}), are in "
-                f"{other!r} and in {names[k]!r}, which have limits along as many axes ({limits[k]}), "
-                "limit one zone; let their ranges meet, or give the smaller one a range along a further axis"
+                f"{z:.4g}), are in {other!r} and in {names[k]!r}, which have limits along as many axes "
+                f"({limits[k]}), limit one zone; let their ranges meet, or give the smaller one a range "
+                "along a further axis"
             )
         covered = inside & (zone < 0)
         if not covered.any():
             raise ConfigError(
                 f"{location}.rock.zones.{names[k]}: covers nothing: none of the {int(rock_cells.sum())} "
-                "cells of "
-                "rock has its centre in it (or zones with limits along more axes took them); widen it, or "
-                "remove it"
+                "cells of rock has its centre in it (or zones with limits along more axes took them); "
+                "widen it, or remove it"
             )
         zone[covered] = k
     return zone
-
-
-def _inside(limits: ZoneConfig, centre: Floats) -> Bools:
-    inside = np.ones(centre.shape[:-1], dtype=bool)
-    for k, limit in enumerate((limits.x, limits.y, limits.z)):
-        if limit is not None:
-            inside &= (centre[..., k] >= limit[0]) & (centre[..., k] < limit[1])
-    return inside

@@ -126,8 +126,7 @@ class ArchShape:
             widths = ", ".join(f"{w:g} m at {z:g} m" for z, w in points[at : at + 2])
             raise ConfigError(
                 f"{self.location}.valley: the half-width must be above 0 and not shrink upwards, got "
-                f"{widths}; "
-                "give [elevation, half-width] from the floor up"
+                f"{widths}; give [elevation, half-width] from the floor up"
             )
         top = config.crest - config.abutment_height
         return lambda z: np.interp(np.minimum(z, top), points[:, 0], points[:, 1])
@@ -162,8 +161,7 @@ class ArchShape:
         if not len(beyond):
             raise ConfigError(
                 f"{self.location}.valley: its walls cut the arcs: at elevation {float(z):g} m the "
-                "half-width is "
-                f"{half:.4g} m, but the arc (upstream radius {float(self.radius(z)):.4g} m) "
+                f"half-width is {half:.4g} m, but the arc (upstream radius {float(self.radius(z)):.4g} m) "
                 f"reaches {np.nanmax(reach):.4g} m only; narrow the valley or enlarge the radius"
             )
         low, high = angles[beyond[0] - 1], angles[beyond[0]]
