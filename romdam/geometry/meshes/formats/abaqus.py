@@ -57,7 +57,7 @@ _REFUSED = {  # what makes or moves nodes and elements in ways that are not foll
 
 @dataclass
 class _Deck:
-    """Content read so far; numbers are the file's own until the end."""
+    """Content read so far; numbers are those of the file until the end."""
 
     location: str
     tags: list[int] = field(default_factory=list)
@@ -78,6 +78,203 @@ class _Deck:
         known = self.sets[kind]
         return next((other for other in known if other.upper() == label.upper()), label)
 
+    def whole(self, words: list[str], what: str) -> list[int]:
+        """Words as whole numbers; `what` has them, for messages."""
+        wrong = next((word for word in words if not re.fullmatch(r"[+-]?\d{1,18}", word)), None)
+        if wrong is not None:
+            raise self.error(f"{what} holds {quote(wrong)}, expected whole numbers; repair the file")
+        return [int(word) for word in words]
+
+    def read_nodes(self, options: dict[str, str], lines: Lines) -> None:
+        """Read *NODE."""
+        if options.get("SYSTEM", "R").upper() != "R":
+            raise self.error(
+                f"*NODE, SYSTEM={options['SYSTEM']} is not followed; export rectangular coordinates "
+                "(SYSTEM=R)"
+            )
+        for line in lines:
+            words = line if line[-1] else line[:-1]
+            try:
+                position = [float(word) if word else 0.0 for word in words[1:4]]
+                (number,) = self.whole(words[:1], "*NODE")
+            except (ValueError, MeshError):
+                position = []
+            if not len(position) >= 1 or len(words) > 7 or "_" in "".join(words):
+                raise self.error(f"*NODE line {quote(','.join(line))} is no node; repair the file")
+            self.short += len(position) < 3
+            self.tags.append(number)
+            self.points.append(position + [0.0] * (3 - len(position)))
+        if "NSET" in options:
+            self.add("NSET", options["NSET"], [[line[0]] for line in lines])
+
+    def read_elements(self, options: dict[str, str], lines: Lines) -> None:
+        """Read *ELEMENT; elements that are neither solids nor shells are counted only."""
+        kind = options.get("TYPE", "").upper()
+        if solid := _SOLID.match(kind):
+            cell = _SOLID_TYPES.get(int(solid[1]))
+            if cell is None:
+                raise self.error(f"unsupported element type {kind}; {_USE}")
+        else:
+            shell = _SHELL.match(kind)
+            cell = _SHELL_TYPES.get(int(shell[1])) if shell else None
+            if cell is None and not _OTHER.match(kind):
+                raise self.error(f"unknown element type {kind or '(none)'}; {_USE}")
+            if cell is None:  # neither solid nor shell
+                self.others[kind] += len(lines)
+                return
+        size = cell.nodes
+        rows: list[list[int]] = []
+        row: list[int] = []
+        for line in lines:
+            row += self.whole([word for word in line if word], f"*ELEMENT, TYPE={kind}")
+            if len(row) > size:
+                rows.append(row)
+                row = []
+            if rows and len(rows[-1]) > size + 1:
+                break
+        if row or (rows and len(rows[-1]) != size + 1):
+            wrong = row or rows[-1]
+            raise self.error(
+                f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, "
+                "each element on lines of its own; repair the file"
+            )
+        self.blocks.append((cell, rows))
+        for key in ("ELSET", "INSTANCE"):
+            if key in options:
+                self.add("ELSET", options[key], [[str(row[0])] for row in rows])
+
+    def add(self, kind: str, label: str, entries: list[list[str]]) -> None:
+        """Add entries to a set."""
+        self.sets[kind].setdefault(self.name(kind, label), []).extend(entries)
+
+    def read_set(self, options: dict[str, str], lines: Lines, key: str) -> None:
+        """Members stay as they are written, [member] or [first, last, step], until everything is known."""
+        filled = [[word for word in line if word] for line in lines]
+        if "GENERATE" in options:
+            wrong = next((line for line in filled if len(line) not in (2, 3)), None)
+            if wrong is not None:
+                raise self.error(f"*{key}, GENERATE line {quote(','.join(wrong))} is no first, last, step")
+            entries = [[*line, "1"][:3] for line in filled]
+        else:
+            entries = [[word] for line in filled for word in line]
+        self.add(key, options.get(key, ""), entries)
+
+    def read_surface(self, options: dict[str, str], lines: Lines) -> None:
+        """Read *SURFACE: sides of elements or of sets of elements."""
+        label = options.get("NAME", "")
+        if options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
+            self.remarks.append(f"surface {label!r} of TYPE={options['TYPE']} is left out")
+            return
+        sides = [
+            (line[0], int(line[1][1:])) for line in lines if len(line) > 1 and re.match(r"^[Ss]\d$", line[1])
+        ]
+        if len(sides) < len(lines):
+            self.remarks.append(
+                f"{len(lines) - len(sides)} of {len(lines)} lines of surface {label!r} name no side S1 to S6 "
+                "and are left out"
+            )
+        self.surfaces.setdefault(label, []).extend(sides)
+
+    def members(
+        self,
+        kind: str,
+        name: str,
+        known: dict[str, Ints],
+        lenient: bool = False,
+        above: tuple[str, ...] = (),
+    ) -> Ints:
+        """Numbers of a set, the sets that it names resolved."""
+        members_of: list[Ints] = [np.zeros(0, np.int64)]
+        single: list[str] = []
+        what = f"*{kind} {name}"
+        for entry in self.sets[kind][name]:
+            other = self.name(kind, entry[0])
+            if len(entry) == 3:
+                first, last, step = self.whole(entry, what)
+                if step < 1 or last < first:
+                    raise self.error(f"{what}, GENERATE {first}, {last}, {step} is no range that goes up")
+                start, stop = np.searchsorted(known[kind], first), np.searchsorted(known[kind], last, "right")
+                inside = known[kind][start:stop]
+                members_inside = inside[(inside - first) % step == 0]
+                self.refuse_lost(what, (last - first) // step + 1 - len(members_inside), lenient)
+                members_of.append(members_inside)
+            elif other in self.sets[kind] and other not in (*above, name):
+                members_of.append(self.members(kind, other, known, lenient, (*above, name)))
+            else:
+                single += entry
+        numbers = np.array(self.whole(single, what), dtype=np.int64)
+        there = np.isin(numbers, known[kind])
+        self.refuse_lost(what, int((~there).sum()), lenient)
+        return np.unique(np.concatenate([*members_of, numbers[there]]))
+
+    def refuse_lost(self, what: str, lost: int, lenient: bool) -> None:
+        """Refuse a set that names members that are not given, unless elements are left out."""
+        if lost and not lenient:
+            raise self.error(
+                f"{what} names {lost} members that are not given, limit 0: the file was cut, or has lost them"
+            )
+
+    def surface_cells(
+        self, sides: list[tuple[str, int]], name: str, members: dict[str, Ints], solids: list[Cells]
+    ) -> list[Cells]:
+        """The facets of a surface; they get numbers below zero and join the set of its name."""
+        facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
+        for of, side in sides:
+            label = self.name("ELSET", of)
+            wanted = members[label] if label in members else np.array(self.whole([of], f"*SURFACE {name}"))
+            count = 0
+            for block in solids:
+                corners = _SIDES.get(block.kind, ())
+                if side <= len(corners):
+                    rows = block.nodes[np.isin(block.ids, wanted)][:, list(corners[side - 1])]
+                    facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
+                    count += len(rows)
+            if count < len(wanted):
+                raise self.error(
+                    f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist"
+                )
+        first = min(0, *(int(m.min(initial=0)) for m in members.values())) - 1 if members else -1
+        cells = []
+        for kind, parts in facets_of.items():
+            table = np.concatenate(parts) if parts else np.zeros((0, 1), np.int64)
+            if len(table):
+                ids = first - np.arange(len(table))
+                first -= len(table)
+                members[name] = np.union1d(members.get(name, np.zeros(0, np.int64)), ids)
+                cells.append(Cells(kind, table, ids))
+        return cells
+
+    def mesh(self) -> MeshFile:
+        """Number nodes and elements from 0 and turn surfaces into facets."""
+        tags = np.array(self.tags, dtype=np.int64)
+        tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in self.blocks if rows]
+        cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
+        remarks = self.remarks.copy()
+        if self.others:
+            listed = ", ".join(f"{count} {kind}" for kind, count in sorted(self.others.items()))
+            remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
+        if self.short:
+            remarks.append(f"{self.short} nodes have fewer than three coordinates, the others are read as 0")
+        ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
+        known = {"ELSET": ids, "NSET": np.sort(tags)}
+        if not self.others:  # else sets may name elements that are left out
+            for name in self.sets["ELSET"]:
+                self.members("ELSET", name, known)
+        members = {name: self.members("ELSET", name, known, bool(self.others)) for name in self.sets["ELSET"]}
+        for name, sides in self.surfaces.items():
+            cells += self.surface_cells(sides, name, members, cells)
+        mesh = checked_mesh(tags, np.array(self.points), cells, self.location)
+        groups: Groups = {
+            name: [np.flatnonzero(np.isin(c.ids, member_ids)) for c in cells]
+            for name, member_ids in members.items()
+        }
+        order = np.argsort(tags)
+        node_sets = {
+            name: order[np.searchsorted(tags[order], self.members("NSET", name, known))]
+            for name in self.sets["NSET"]
+        }
+        return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*mesh.remarks, *remarks))
+
 
 def read_abaqus(path: Path, location: str) -> MeshFile:
     """Read an Abaqus mesh and the files it includes, its instances in their places.
@@ -94,12 +291,23 @@ def read_abaqus(path: Path, location: str) -> MeshFile:
     deck, renumbered = _Deck(f"{location}: {path}"), []  # type: _Deck, list[str]
     try:
         for keyword, options, lines in flat(_keywords(_lines(deck, path, ())), renumbered):
-            _read(deck, keyword, options, lines)
+            if keyword in _REFUSED:
+                raise deck.error(
+                    f"*{keyword} is not followed; export one flat mesh, with every node and element"
+                )
+            if keyword in _READ and "INPUT" in options:
+                raise deck.error(
+                    f"*{keyword}, INPUT={options['INPUT']} is not followed; put the mesh into one file"
+                )
+            if keyword in _READ:
+                _READ[keyword](deck, options, lines)
+            elif keyword not in _ASSEMBLY and (close := get_close_matches(keyword, _READ, n=1, cutoff=0.75)):
+                raise deck.error(f"*{keyword} is not known; is *{close[0]} meant?")
     except ValueError as error:
         raise cannot_be_read(deck.location, "abaqus", str(error)) from None
     if not deck.tags:
         raise cannot_be_read(deck.location, "abaqus", "no *NODE block")
-    mesh = _finish(deck)
+    mesh = deck.mesh()
     ids = () if renumbered else missing_ids([c for c in mesh.cells if c.ids.min() > 0])  # no surface's sides
     return replace(mesh, remarks=(*mesh.remarks, *renumbered, *ids))
 
@@ -147,230 +355,10 @@ def _head(text: str) -> tuple[str, dict[str, str]]:
     return " ".join(keyword.upper().split()), options
 
 
-def _read(deck: _Deck, keyword: str, options: dict[str, str], lines: Lines) -> None:
-    if keyword in _REFUSED:
-        raise deck.error(f"*{keyword} is not followed; export one flat mesh, with every node and element")
-    if keyword in _READ:
-        if "INPUT" in options:
-            raise deck.error(
-                f"*{keyword}, INPUT={options['INPUT']} is not followed; put the mesh into one file"
-            )
-        _READ[keyword](deck, options, lines)
-    elif keyword not in _ASSEMBLY and (close := get_close_matches(keyword, _READ, n=1, cutoff=0.75)):
-        raise deck.error(f"*{keyword} is not known; is *{close[0]} meant?")
-
-
-def _numbers(deck: _Deck, words: list[str], what: str) -> list[int]:
-    wrong = next((word for word in words if not re.fullmatch(r"[+-]?\d{1,18}", word)), None)
-    if wrong is not None:
-        raise deck.error(f"{what} holds {quote(wrong)}, expected whole numbers; repair the file")
-    return [int(word) for word in words]
-
-
-def _read_nodes(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
-    if options.get("SYSTEM", "R").upper() != "R":
-        raise deck.error(
-            f"*NODE, SYSTEM={options['SYSTEM']} is not followed; export rectangular coordinates (SYSTEM=R)"
-        )
-    for line in lines:
-        words = line if line[-1] else line[:-1]
-        try:
-            position = [float(word) if word else 0.0 for word in words[1:4]]
-            (number,) = _numbers(deck, words[:1], "*NODE")
-        except (ValueError, MeshError):
-            position = []
-        if not len(position) >= 1 or len(words) > 7 or "_" in "".join(words):
-            raise deck.error(f"*NODE line {quote(','.join(line))} is no node; repair the file")
-        deck.short += len(position) < 3
-        deck.tags.append(number)
-        deck.points.append(position + [0.0] * (3 - len(position)))
-    if "NSET" in options:
-        _add(deck, "NSET", options["NSET"], [[line[0]] for line in lines])
-
-
-def _read_elements(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
-    kind = options.get("TYPE", "").upper()
-    cell = _cell_type(deck, kind)
-    if cell is None:
-        deck.others[kind] += len(lines)
-        return
-    size = cell.nodes
-    rows: list[list[int]] = []
-    row: list[int] = []
-    for line in lines:
-        row += _numbers(deck, [word for word in line if word], f"*ELEMENT, TYPE={kind}")
-        if len(row) > size:
-            rows.append(row)
-            row = []
-        if rows and len(rows[-1]) > size + 1:
-            break
-    if row or (rows and len(rows[-1]) != size + 1):
-        wrong = row or rows[-1]
-        raise deck.error(
-            f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, each "
-            "element on lines of its own; repair the file"
-        )
-    deck.blocks.append((cell, rows))
-    for key in ("ELSET", "INSTANCE"):
-        if key in options:
-            _add(deck, "ELSET", options[key], [[str(row[0])] for row in rows])
-
-
-def _cell_type(deck: _Deck, kind: str) -> Cell | None:
-    """The cell of an element type; None for what is neither solid nor shell."""
-    if solid := _SOLID.match(kind):
-        size = int(solid[1])
-        if size not in _SOLID_TYPES:
-            raise deck.error(f"unsupported element type {kind}; {_USE}")
-        return _SOLID_TYPES[size]
-    shell = _SHELL.match(kind)
-    size = int(shell[1]) if shell else 0
-    if size not in _SHELL_TYPES and not _OTHER.match(kind):
-        raise deck.error(f"unknown element type {kind or '(none)'}; {_USE}")
-    return _SHELL_TYPES.get(size)
-
-
-def _add(deck: _Deck, kind: str, label: str, entries: list[list[str]]) -> None:
-    deck.sets[kind].setdefault(deck.name(kind, label), []).extend(entries)
-
-
-def _read_set(deck: _Deck, options: dict[str, str], lines: Lines, key: str) -> None:
-    """Members stay as they are written, [member] or [first, last, step], until everything is known."""
-    filled = [[word for word in line if word] for line in lines]
-    if "GENERATE" in options:
-        wrong = next((line for line in filled if len(line) not in (2, 3)), None)
-        if wrong is not None:
-            raise deck.error(f"*{key}, GENERATE line {quote(','.join(wrong))} is no first, last, step")
-        entries = [[*line, "1"][:3] for line in filled]
-    else:
-        entries = [[word] for line in filled for word in line]
-    _add(deck, key, options.get(key, ""), entries)
-
-
-def _read_surface(deck: _Deck, options: dict[str, str], lines: Lines) -> None:
-    label = options.get("NAME", "")
-    if options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
-        deck.remarks.append(f"surface {label!r} of TYPE={options['TYPE']} is left out")
-        return
-    sides = [
-        (line[0], int(line[1][1:])) for line in lines if len(line) > 1 and re.match(r"^[Ss]\d$", line[1])
-    ]
-    if len(sides) < len(lines):
-        deck.remarks.append(
-            f"{len(lines) - len(sides)} of {len(lines)} lines of surface {label!r} name no side S1 to S6 "
-            "and are left out"
-        )
-    deck.surfaces.setdefault(label, []).extend(sides)
-
-
 _READ: dict[str, Callable[[_Deck, dict[str, str], Lines], None]] = {
-    "NODE": _read_nodes,
-    "ELEMENT": _read_elements,
-    "ELSET": lambda deck, options, lines: _read_set(deck, options, lines, "ELSET"),
-    "NSET": lambda deck, options, lines: _read_set(deck, options, lines, "NSET"),
-    "SURFACE": _read_surface,
+    "NODE": _Deck.read_nodes,
+    "ELEMENT": _Deck.read_elements,
+    "ELSET": lambda deck, options, lines: deck.read_set(options, lines, "ELSET"),
+    "NSET": lambda deck, options, lines: deck.read_set(options, lines, "NSET"),
+    "SURFACE": _Deck.read_surface,
 }
-
-
-def _finish(deck: _Deck) -> MeshFile:
-    """Number nodes and elements from 0 and turn surfaces into facets."""
-    tags = np.array(deck.tags, dtype=np.int64)
-    tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in deck.blocks if rows]
-    cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
-    remarks = (*deck.remarks, *_left_out(deck))
-    ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
-    known = {"ELSET": ids, "NSET": np.sort(tags)}
-    if not deck.others:  # else sets may name elements that are left out
-        for name in deck.sets["ELSET"]:
-            _members(deck, "ELSET", name, known)
-    members = {name: _members(deck, "ELSET", name, known, bool(deck.others)) for name in deck.sets["ELSET"]}
-    for name, sides in deck.surfaces.items():
-        cells += _surface_cells(deck, sides, name, members, cells)
-    mesh = checked_mesh(tags, np.array(deck.points), cells, deck.location)
-    groups: Groups = {
-        name: [np.flatnonzero(np.isin(c.ids, member_ids)) for c in cells]
-        for name, member_ids in members.items()
-    }
-    order = np.argsort(tags)
-    node_sets = {
-        name: order[np.searchsorted(tags[order], _members(deck, "NSET", name, known))]
-        for name in deck.sets["NSET"]
-    }
-    return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*mesh.remarks, *remarks))
-
-
-def _left_out(deck: _Deck) -> list[str]:
-    listed = ", ".join(f"{count} {kind}" for kind, count in sorted(deck.others.items()))
-    remarks = [f"elements that are neither solids nor shells are left out ({listed})"] if deck.others else []
-    short = f"{deck.short} nodes have fewer than three coordinates, the others are read as 0"
-    return [*remarks, short] if deck.short else remarks
-
-
-def _members(
-    deck: _Deck,
-    kind: str,
-    name: str,
-    known: dict[str, Ints],
-    lenient: bool = False,
-    above: tuple[str, ...] = (),
-) -> Ints:
-    """Numbers of a set, the sets that it names resolved."""
-    members_of: list[Ints] = [np.zeros(0, np.int64)]
-    single: list[str] = []
-    what = f"*{kind} {name}"
-    for entry in deck.sets[kind][name]:
-        other = deck.name(kind, entry[0])
-        if len(entry) == 3:
-            first, last, step = _numbers(deck, entry, what)
-            if step < 1 or last < first:
-                raise deck.error(f"{what}, GENERATE {first}, {last}, {step} is no range that goes up")
-            inside = known[kind][
-                np.searchsorted(known[kind], first) : np.searchsorted(known[kind], last, "right")
-            ]
-            members_inside = inside[(inside - first) % step == 0]
-            _refuse_lost(deck, what, (last - first) // step + 1 - len(members_inside), lenient)
-            members_of.append(members_inside)
-        elif other in deck.sets[kind] and other not in (*above, name):
-            members_of.append(_members(deck, kind, other, known, lenient, (*above, name)))
-        else:
-            single += entry
-    numbers = np.array(_numbers(deck, single, what), dtype=np.int64)
-    there = np.isin(numbers, known[kind])
-    _refuse_lost(deck, what, int((~there).sum()), lenient)
-    return np.unique(np.concatenate([*members_of, numbers[there]]))
-
-
-def _refuse_lost(deck: _Deck, what: str, lost: int, lenient: bool) -> None:
-    if lost and not lenient:
-        raise deck.error(
-            f"{what} names {lost} members that are not given, limit 0: the file was cut, or has lost them"
-        )
-
-
-def _surface_cells(
-    deck: _Deck, sides: list[tuple[str, int]], name: str, members: dict[str, Ints], solids: list[Cells]
-) -> list[Cells]:
-    """The facets of a surface; they get numbers below zero and join the set of its name."""
-    facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
-    for of, side in sides:
-        label = deck.name("ELSET", of)
-        wanted = members[label] if label in members else np.array(_numbers(deck, [of], f"*SURFACE {name}"))
-        count = 0
-        for block in solids:
-            corners = _SIDES.get(block.kind, ())
-            if side <= len(corners):
-                rows = block.nodes[np.isin(block.ids, wanted)][:, list(corners[side - 1])]
-                facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
-                count += len(rows)
-        if count < len(wanted):
-            raise deck.error(f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist")
-    first = min(0, *(int(m.min(initial=0)) for m in members.values())) - 1 if members else -1
-    cells = []
-    for kind, parts in facets_of.items():
-        table = np.concatenate(parts) if parts else np.zeros((0, 1), np.int64)
-        if len(table):
-            ids = first - np.arange(len(table))
-            first -= len(table)
-            members[name] = np.union1d(members.get(name, np.zeros(0, np.int64)), ids)
-            cells.append(Cells(kind, table, ids))
-    return cells

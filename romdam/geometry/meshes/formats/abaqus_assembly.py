@@ -1,4 +1,4 @@
-"""Abaqus assemblies as flat meshes: every instance of a part with numbers, names and a place of its own.
+"""Abaqus assemblies as flat meshes: every instance of a part has its numbers, names and position.
 
 References
 ----------
@@ -25,7 +25,7 @@ _MADE = {"NODE": "NSET", "ELEMENT": "ELSET"}  # keyword -> option that names a s
 
 @dataclass(frozen=True)
 class Instance:
-    """A part's place in an assembly.
+    """A part's position in an assembly.
 
     Attributes
     ----------
@@ -96,7 +96,9 @@ def flat(keywords: Iterator[Keyword], remarks: list[str]) -> Iterator[Keyword]:
         return
     parts: dict[str, list[Keyword]] = {}
     instances: dict[str, Instance] = {}
-    step = 10 ** len(str(_largest(every)))
+    numbers = [line[0] for name, _, lines in every if name in _MADE for line in lines]
+    largest = max((int(word) for word in numbers if re.fullmatch(r"\d{1,17}", word)), default=1)
+    step = 10 ** len(str(largest))
     keywords_of: list[Keyword] | None = None  # of the part or instance that is being read
     for keyword in every:
         name, options, lines = keyword
@@ -104,7 +106,10 @@ def flat(keywords: Iterator[Keyword], remarks: list[str]) -> Iterator[Keyword]:
             keywords_of = parts.setdefault(options.get("NAME", "").upper(), [])
         elif name == "INSTANCE":
             label = options.get("NAME", "")
-            keywords_of = [*_part(parts, options)]
+            part = options.get("PART", "")
+            if part.upper() not in parts:
+                raise ValueError(f"*INSTANCE {label} is of part {quote(part)}, which is not given before it")
+            keywords_of = [*parts[part.upper()]]
             instances[label.upper()] = _placed(label if count > 1 else "", lines, step * len(instances))
         elif name == "END INSTANCE" and keywords_of is not None and instances:
             yield from map(list(instances.values())[-1].keyword, keywords_of)
@@ -121,21 +126,6 @@ def flat(keywords: Iterator[Keyword], remarks: list[str]) -> Iterator[Keyword]:
         remarks.append(f"it has {count} instances: numbers of the second are raised by {step}, and so on")
 
 
-def _largest(keywords: list[Keyword]) -> int:
-    """The largest number of a node or an element."""
-    first = [line[0] for name, _, lines in keywords if name in _MADE for line in lines]
-    return max((int(word) for word in first if re.fullmatch(r"\d{1,17}", word)), default=1)
-
-
-def _part(parts: dict[str, list[Keyword]], options: dict[str, str]) -> list[Keyword]:
-    name = options.get("PART", "")
-    if name.upper() not in parts:
-        raise ValueError(
-            f"*INSTANCE {options.get('NAME', '')} is of part {quote(name)}, which is not given before it"
-        )
-    return parts[name.upper()]
-
-
 def _placed(name: str, lines: Lines, shift: int) -> Instance:
     try:
         rows = [[float(word or 0.0) for word in line] for line in lines]
@@ -143,7 +133,9 @@ def _placed(name: str, lines: Lines, shift: int) -> Instance:
         R = np.eye(3)
         if len(rows) > 1:
             a, b, angle = np.array(rows[1][:3]), np.array(rows[1][3:6]), np.radians(rows[1][6])
-            R = _rotation((b - a) / np.linalg.norm(b - a), angle)
+            # Rodrigues' formula, with K v = axis x v
+            K = np.cross(np.eye(3), (b - a) / np.linalg.norm(b - a))
+            R = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
             t = R @ (t - a) + a
     except (ValueError, IndexError):
         rows = [[np.nan]]
@@ -155,12 +147,6 @@ def _placed(name: str, lines: Lines, shift: int) -> Instance:
     return Instance(f"{name}." if name else "", shift, R, t)
 
 
-def _rotation(axis: Floats, angle: float) -> Floats:
-    """Rodrigues' formula, (3, 3)."""
-    K = np.cross(np.eye(3), axis)  # K v = axis x v
-    return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
-
-
 def _in_assembly(keyword: Keyword, instances: dict[str, Instance]) -> Keyword:
     """Sets of the assembly, whose members are an instance's by `instance=` or by its name and a dot."""
     name, options, lines = keyword
@@ -168,9 +154,9 @@ def _in_assembly(keyword: Keyword, instances: dict[str, Instance]) -> Keyword:
         return keyword
     if (of := options.get("INSTANCE", "").upper()) in instances:
         return name, options, [instances[of].members(name, options, line) for line in lines]
-    return name, options, [[_qualified(word, instances) for word in line] for line in lines]
 
+    def qualified(word: str) -> str:
+        of, dot, label = word.partition(".")
+        return instances[of.upper()].word(label) if dot and of.upper() in instances else word
 
-def _qualified(word: str, instances: dict[str, Instance]) -> str:
-    of, dot, label = word.partition(".")
-    return instances[of.upper()].word(label) if dot and of.upper() in instances else word
+    return name, options, [[qualified(word) for word in line] for line in lines]

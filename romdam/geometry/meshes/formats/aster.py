@@ -86,10 +86,23 @@ def read_aster(path: Path, location: str) -> MeshFile:
     try:
         sections = list(_sections(file_text(path).split("\n")))
         nodes, elements = _Names(), _Names()
-        points = _points(sections, nodes)
-        cells = [
-            block for s in sections if _ELEMENT.fullmatch(s.keyword) for block in _cells(s, nodes, elements)
-        ]
+        if any(section.keyword == "COOR_2D" for section in sections):
+            raise ValueError("COOR_2D: the mesh is of two dimensions")
+        numbers: list[str] = []
+        for section in sections:
+            if section.keyword == "COOR_3D":
+                for k in range(0, len(section.words), 4):
+                    nodes.new(section.words[k], "node")
+                    numbers += section.words[k + 1 : k + 4]
+        if len(numbers) != 3 * len(nodes.numbers):
+            raise ValueError("COOR_3D ends amid a node, of a name and three coordinates")
+        nodes.take_own()
+        words = [word.upper().replace("D", "E") for word in numbers]
+        points = numbers_of(words, "COOR_3D").reshape(-1, 3)
+        cells: list[Cells] = []
+        for section in sections:
+            if _ELEMENT.fullmatch(section.keyword):
+                cells += _cells(section, nodes, elements)
         mesh = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, location)
         groups, node_sets = by_number(
             mesh, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
@@ -114,7 +127,14 @@ def _sections(lines: list[str]) -> Iterator[_Section]:
                 raise ValueError(f"line {k + 1}: {quote(keyword)} is no section of the format")
             section = _Section(k + 1, keyword, "", [])
             text = rest
-        section, ended = _filled(section, text)
+        if section.keyword == "TITRE":
+            ended = "FINSF" in text.upper().split()
+        else:
+            header = {key.upper(): value for key, value in _HEADER.findall(text)}
+            words = _HEADER.sub(" ", text).split()
+            section.name = section.name or header.get("NOM", "")
+            ended = bool(words) and words[-1].upper() == "FINSF"
+            section.words.extend(words[:-1] if ended else words)
         if ended:
             yield section
             section = None
@@ -122,32 +142,6 @@ def _sections(lines: list[str]) -> Iterator[_Section]:
         f"{section.keyword} of line {section.where} has no FINSF" if section else "it does not end with FIN"
     )
     raise ValueError(f"{where}: the file was cut")
-
-
-def _filled(section: _Section, text: str) -> tuple[_Section, bool]:
-    """A section with the words of one more line, and whether it ends there."""
-    if section.keyword == "TITRE":
-        return section, "FINSF" in text.upper().split()
-    header = {key.upper(): value for key, value in _HEADER.findall(text)}
-    words = _HEADER.sub(" ", text).split()
-    name = section.name or header.get("NOM", "")
-    ended = bool(words) and words[-1].upper() == "FINSF"
-    section.words.extend(words[:-1] if ended else words)
-    return replace(section, name=name), ended
-
-
-def _points(sections: list[_Section], nodes: _Names) -> np.ndarray:
-    words = [(s, k) for s in sections if s.keyword == "COOR_3D" for k in range(0, len(s.words), 4)]
-    if any(s.keyword == "COOR_2D" for s in sections):
-        raise ValueError("COOR_2D: the mesh is of two dimensions")
-    numbers: list[str] = []
-    for section, k in words:
-        nodes.new(section.words[k], "node")
-        numbers += section.words[k + 1 : k + 4]
-    nodes.take_own()
-    if len(numbers) != 3 * len(words):
-        raise ValueError("COOR_3D ends amid a node, of a name and three coordinates")
-    return numbers_of([word.upper().replace("D", "E") for word in numbers], "COOR_3D").reshape(-1, 3)
 
 
 def _cells(section: _Section, nodes: _Names, elements: _Names) -> Iterator[Cells]:

@@ -34,11 +34,134 @@ class _Content:
     cells: list[Cells] = field(default_factory=list)
     physical: list[dict[int, Ints]] = field(default_factory=list)  # of every one of `cells`: group -> rows
     entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups
-    origin: list[Ints] = field(
-        default_factory=list
-    )  # of every one of `cells`: entity and group (version 2.2)
+    origin: list[Ints] = field(default_factory=list)  # of every one of `cells` (2.2): entity and group
     names: dict[tuple[int, int], str] = field(default_factory=dict)  # (dim, group) -> name
     seen: set[str] = field(default_factory=set)
+
+    def read_entities(self, stream: Numbers) -> None:
+        """Read $Entities: the groups of every entity."""
+        self.entities = {}
+        for dim, count in enumerate(counts(stream, 4, "size")):
+            for _ in range(count):
+                (tag,) = counts(stream, 1)
+                stream.floats(6 if dim else 3)
+                groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
+                if dim:
+                    stream.ints(counts(stream, 1, "size")[0], "int")
+                if (dim, tag) in self.entities:
+                    raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
+                self.entities[dim, tag] = groups
+
+    def read_nodes_41(self, stream: Numbers) -> None:
+        """Read $Nodes of version 4.1."""
+        blocks, total, *_ = counts(stream, 4, "size")
+        for _ in range(blocks):
+            dim, _, parametric = counts(stream, 3)
+            (count,) = counts(stream, 1, "size")
+            self.tags.append(stream.ints(count, "size"))
+            width = 3 + (dim if parametric else 0)
+            self.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
+        _compare(sum(map(len, self.tags)), total, "Nodes")
+
+    def read_elements_41(self, stream: Numbers) -> None:
+        """Read $Elements of version 4.1."""
+        blocks, total, *_ = counts(stream, 4, "size")
+        for _ in range(blocks):
+            dim, tag, kind = counts(stream, 3)
+            (count,) = counts(stream, 1, "size")
+            size = _size(kind)
+            rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
+            if self.entities is not None and (dim, tag) not in self.entities:
+                raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
+            groups = (self.entities or {}).get((dim, tag), [])
+            self.add(kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
+            if self.cells[-1].dim != dim:
+                raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
+        _compare(sum(len(c.ids) for c in self.cells), total, "Elements")
+
+    def read_nodes_22(self, stream: Numbers) -> None:
+        """Read $Nodes of version 2.2."""
+        if isinstance(stream, Bytes):
+            count = stream.count_line()
+            raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
+            self.tags.append(raw["tag"].astype(np.int64).reshape(count))
+            self.points.append(raw["x"].astype(float))
+            return
+        (count,) = counts(stream, 1)
+        rows = stream.floats(4 * count).reshape(count, 4)
+        self.tags.append(whole(rows[:, 0], "Nodes"))
+        self.points.append(rows[:, 1:])
+
+    def read_elements_22(self, stream: Numbers) -> None:
+        """Read $Elements of version 2.2."""
+        if isinstance(stream, Bytes):
+            self.read_elements_22_binary(stream)
+            return
+        assert isinstance(stream, Words)
+        (total,) = counts(stream, 1)
+        numbers = whole(stream.numbers, "Elements")
+        flat, at = numbers.tolist(), 1
+        starts: dict[tuple[int, int], list[int]] = {}
+        for k in range(total):
+            if at + 3 > len(flat):
+                raise ValueError(f"$Elements ends after {k} of {total} elements: the file was cut")
+            kind, tags = flat[at + 1], flat[at + 2]
+            if tags < 0:
+                raise ValueError(f"$Elements gives element {flat[at]} {tags} tags")
+            starts.setdefault((kind, tags), []).append(at)
+            at += 3 + tags + _size(kind)
+        stream.at = 1
+        stream.ints(at - 1, "int")  # as many as there are
+        for (kind, tags), firsts in starts.items():
+            rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
+            self.add_22(kind, np.delete(rows, [1, 2], axis=1), tags)
+        self.refuse_mixed_entities()
+
+    def read_elements_22_binary(self, stream: Bytes) -> None:
+        """Read $Elements of version 2.2 from bytes."""
+        total, done = stream.count_line(), 0
+        while done < total:
+            kind, count, tags = counts(stream, 3)
+            if count < 1 or tags < 0:
+                raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
+            width = 1 + tags + _size(kind)
+            self.add_22(kind, stream.ints(count * width, "int").reshape(count, width), tags)
+            done += count
+        _compare(done, total, "Elements")
+        self.refuse_mixed_entities()
+
+    def add_22(self, kind: int, rows: Ints, tags: int) -> None:
+        """Add rows of number, tags (physical group, entity, ...) and nodes."""
+        nothing = np.zeros(len(rows), dtype=np.int64)
+        group = np.abs(rows[:, 1]) if tags else nothing
+        groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
+        self.add(kind, rows[:, 0], rows[:, 1 + tags :], groups)
+        same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(self.cells) << 40)
+        self.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
+
+    def refuse_mixed_entities(self) -> None:
+        """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
+        for dim in (2, 3):
+            origins = [o for o, c in zip(self.origin, self.cells, strict=True) if c.dim == dim]
+            rows = np.concatenate([np.zeros((0, 3), np.int64), *origins])
+            entities = np.unique(rows[:, 0])
+            if len(entities) < 2:
+                continue  # written by what knows no entities
+            for entity in entities:
+                here = rows[rows[:, 0] == entity]
+                groups, sizes = np.unique(here[:, 1], return_counts=True)
+                if len(here) != len(groups) * len(np.unique(here[:, 2])):
+                    listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, sizes, strict=True))
+                    raise ValueError(
+                        f"$Elements of entity {entity} of dimension {dim} are partly in one group "
+                        f"({listed}); an entity is in a group as a whole"
+                    )
+
+    def add(self, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
+        """Add elements of a kind, with the rows of every group."""
+        cell = _TYPES[kind]
+        self.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
+        self.physical.append(groups)
 
 
 def read_gmsh(path: Path, location: str) -> MeshFile:
@@ -87,8 +210,20 @@ def _sections(data: bytes) -> _Content:
         elif name.startswith("Partitioned"):
             raise ValueError("it is partitioned; save the mesh before it is partitioned")
         elif reader := _READERS.get((name, version)):
-            stop = _read_section(data, (end + 1, stop), layout, name, reader, content)
-        at = _past_end(data, stop, name)
+            if layout is None:
+                words = Words(data[end + 1 : stop], name)
+                reader(content, words)
+                words.refuse_rest()
+            else:  # where a section of bytes ends follows from its counts
+                stream = Bytes(data, end + 1, name, layout)
+                reader(content, stream)
+                stop = stream.at
+        at = _past_blanks(data, stop)
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        if data[at:end].strip() != b"$End" + name.encode():
+            raise ValueError(f"${name} does not end with $End{name} where its counts say")
+        at = end
     for name in ("Nodes", "Elements"):
         if name not in content.seen:
             raise ValueError(f"it has no ${name}")
@@ -99,16 +234,6 @@ def _past_blanks(data: bytes, at: int) -> int:
     while at < len(data) and data[at : at + 1].isspace():
         at += 1
     return at
-
-
-def _past_end(data: bytes, at: int, name: str) -> int:
-    """Position after the line $End<name>, which must stand here."""
-    at = _past_blanks(data, at)
-    end = data.find(b"\n", at)
-    end = len(data) if end < 0 else end
-    if data[at:end].strip() != b"$End" + name.encode():
-        raise ValueError(f"${name} does not end with $End{name} where its counts say")
-    return end
 
 
 def _layout(body: bytes) -> tuple[float, Layout | None]:
@@ -146,155 +271,6 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
     return names
 
 
-Reader = Callable[[Numbers, _Content], None]
-
-
-def _read_section(
-    data: bytes,
-    limits: tuple[int, int],
-    layout: Layout | None,
-    name: str,
-    reader: Reader,
-    content: _Content,
-) -> int:
-    """Read one section; where it ends follows from its counts."""
-    if layout is None:
-        words = Words(data[slice(*limits)], name)
-        reader(words, content)
-        words.refuse_rest()
-        return limits[1]
-    stream = Bytes(data, limits[0], name, layout)
-    reader(stream, content)
-    return stream.at
-
-
-def _entities(stream: Numbers, content: _Content) -> None:
-    content.entities = {}
-    for dim, count in enumerate(counts(stream, 4, "size")):
-        for _ in range(count):
-            (tag,) = counts(stream, 1)
-            stream.floats(6 if dim else 3)
-            groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
-            if dim:
-                stream.ints(counts(stream, 1, "size")[0], "int")
-            if (dim, tag) in content.entities:
-                raise ValueError(f"$Entities gives entity {tag} of dimension {dim} twice")
-            content.entities[dim, tag] = groups
-
-
-def _nodes_41(stream: Numbers, content: _Content) -> None:
-    blocks, total, *_ = counts(stream, 4, "size")
-    for _ in range(blocks):
-        dim, _, parametric = counts(stream, 3)
-        (count,) = counts(stream, 1, "size")
-        content.tags.append(stream.ints(count, "size"))
-        width = 3 + (dim if parametric else 0)
-        content.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
-    _compare(sum(map(len, content.tags)), total, "Nodes")
-
-
-def _elements_41(stream: Numbers, content: _Content) -> None:
-    blocks, total, *_ = counts(stream, 4, "size")
-    for _ in range(blocks):
-        dim, tag, kind = counts(stream, 3)
-        (count,) = counts(stream, 1, "size")
-        size = _size(kind)
-        rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
-        if content.entities is not None and (dim, tag) not in content.entities:
-            raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
-        groups = (content.entities or {}).get((dim, tag), [])
-        _add(content, kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
-        if content.cells[-1].dim != dim:
-            raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
-    _compare(sum(len(c.ids) for c in content.cells), total, "Elements")
-
-
-def _nodes_22(stream: Numbers, content: _Content) -> None:
-    if isinstance(stream, Bytes):
-        count = stream.count_line()
-        raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
-        content.tags.append(raw["tag"].astype(np.int64).reshape(count))
-        content.points.append(raw["x"].astype(float))
-        return
-    (count,) = counts(stream, 1)
-    rows = stream.floats(4 * count).reshape(count, 4)
-    content.tags.append(whole(rows[:, 0], "Nodes"))
-    content.points.append(rows[:, 1:])
-
-
-def _elements_22(stream: Numbers, content: _Content) -> None:
-    if isinstance(stream, Bytes):
-        _elements_22_binary(stream, content)
-        return
-    assert isinstance(stream, Words)
-    (total,) = counts(stream, 1)
-    numbers = whole(stream.numbers, "Elements")
-    flat, at = numbers.tolist(), 1
-    starts: dict[tuple[int, int], list[int]] = {}
-    for k in range(total):
-        if at + 3 > len(flat):
-            raise ValueError(f"$Elements ends after {k} of {total} elements: the file was cut")
-        kind, tags = flat[at + 1], flat[at + 2]
-        if tags < 0:
-            raise ValueError(f"$Elements gives element {flat[at]} {tags} tags")
-        starts.setdefault((kind, tags), []).append(at)
-        at += 3 + tags + _size(kind)
-    stream.at = 1
-    stream.ints(at - 1, "int")  # as many as there are
-    for (kind, tags), firsts in starts.items():
-        rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
-        _add_22(content, kind, np.delete(rows, [1, 2], axis=1), tags)
-    _refuse_mixed_entities(content)
-
-
-def _elements_22_binary(stream: Bytes, content: _Content) -> None:
-    total, done = stream.count_line(), 0
-    while done < total:
-        kind, count, tags = counts(stream, 3)
-        if count < 1 or tags < 0:
-            raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
-        width = 1 + tags + _size(kind)
-        _add_22(content, kind, stream.ints(count * width, "int").reshape(count, width), tags)
-        done += count
-    _compare(done, total, "Elements")
-    _refuse_mixed_entities(content)
-
-
-def _add_22(content: _Content, kind: int, rows: Ints, tags: int) -> None:
-    """Add rows of number, tags (physical group, entity, ...) and nodes."""
-    nothing = np.zeros(len(rows), dtype=np.int64)
-    group = np.abs(rows[:, 1]) if tags else nothing
-    groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
-    _add(content, kind, rows[:, 0], rows[:, 1 + tags :], groups)
-    same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(content.cells) << 40)
-    content.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
-
-
-def _refuse_mixed_entities(content: _Content) -> None:
-    """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
-    for dim in (2, 3):
-        origins = [o for o, c in zip(content.origin, content.cells, strict=True) if c.dim == dim]
-        rows = np.concatenate([np.zeros((0, 3), np.int64), *origins])
-        entities = np.unique(rows[:, 0])
-        if len(entities) < 2:
-            continue  # written by what knows no entities
-        for entity in entities:
-            here = rows[rows[:, 0] == entity]
-            groups, sizes = np.unique(here[:, 1], return_counts=True)
-            if len(here) != len(groups) * len(np.unique(here[:, 2])):
-                listed = ", ".join(f"{n} in group {g}" for g, n in zip(groups, sizes, strict=True))
-                raise ValueError(
-                    f"$Elements of entity {entity} of dimension {dim} are partly in one group ({listed}); "
-                    "an entity is in a group as a whole"
-                )
-
-
-def _add(content: _Content, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
-    cell = _TYPES[kind]
-    content.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
-    content.physical.append(groups)
-
-
 def _size(kind: int) -> int:
     if kind not in _TYPES:
         raise ValueError(f"element type {kind} is not known")
@@ -306,12 +282,12 @@ def _compare(count: int, said: int, name: str) -> None:
         raise ValueError(f"${name} holds {count}, and says {said}")
 
 
-_READERS: dict[tuple[str, float], Reader] = {
-    ("Entities", 4.1): _entities,
-    ("Nodes", 4.1): _nodes_41,
-    ("Elements", 4.1): _elements_41,
-    ("Nodes", 2.2): _nodes_22,
-    ("Elements", 2.2): _elements_22,
+_READERS: dict[tuple[str, float], Callable[[_Content, Numbers], None]] = {
+    ("Entities", 4.1): _Content.read_entities,
+    ("Nodes", 4.1): _Content.read_nodes_41,
+    ("Elements", 4.1): _Content.read_elements_41,
+    ("Nodes", 2.2): _Content.read_nodes_22,
+    ("Elements", 2.2): _Content.read_elements_22,
 }
 
 

@@ -53,8 +53,8 @@ def read_med(path: Path, location: str) -> MeshFile:
         with reading_foreign(path) as file:
             name, mesh = _only(file["ENS_MAA"], "mesh")
             content = _mesh(mesh)
-            groups = _members(_groups(file.get(f"FAS/{name}/ELEME")), content.families)
-            nodes = _members(_groups(file.get(f"FAS/{name}/NOEUD")), [content.node_family])
+            groups = _members(file.get(f"FAS/{name}/ELEME"), content.families)
+            nodes = _members(file.get(f"FAS/{name}/NOEUD"), [content.node_family])
     except (ResultError, ValueError) as error:
         raise cannot_be_read(location, "MED", str(error)) from None
     tags = np.arange(1, len(content.points) + 1)
@@ -86,8 +86,19 @@ def _mesh(mesh: h5py.Group) -> _Content:
     unit = _text(mesh.attrs.get("UNI", b""))[:16].strip()
     if unit not in _METRES:
         content.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
-    for kind in step["MAI"]:
-        _read_cells(content, kind, step["MAI"][kind])
+    first = 1
+    for kind, group in step["MAI"].items():
+        if kind not in _TYPES:
+            content.remarks.append(f"elements of type {kind} are left out")
+            continue
+        cell, flat = _TYPES[kind], np.asarray(group["NOD"], dtype=np.int64)
+        count = int(group["NOD"].attrs.get("NBR", len(flat) // cell.nodes))
+        if len(flat) != count * cell.nodes:
+            raise ValueError(f"{group.name} has {len(flat)} nodes of {count} elements of {cell.nodes}")
+        table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
+        content.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
+        content.families.append(_family(group, count))
+        first += count
     return content
 
 
@@ -104,35 +115,17 @@ def _family(group: h5py.Group, count: int) -> Ints:
     return family
 
 
-def _read_cells(content: _Content, kind: str, group: h5py.Group) -> None:
-    if kind not in _TYPES:
-        content.remarks.append(f"elements of type {kind} are left out")
-        return
-    cell, flat = _TYPES[kind], np.asarray(group["NOD"], dtype=np.int64)
-    count = int(group["NOD"].attrs.get("NBR", len(flat) // cell.nodes))
-    if len(flat) != count * cell.nodes:
-        raise ValueError(f"{group.name} has {len(flat)} nodes of {count} elements of {cell.nodes}")
-    first = 1 + sum(len(c.ids) for c in content.cells)
-    table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
-    content.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
-    content.families.append(_family(group, count))
-
-
-def _groups(families: h5py.Group | None) -> dict[int, list[str]]:
-    """Names of the groups that every family stands for."""
+def _members(table: h5py.Group | None, families: list[Ints]) -> Groups:
+    """Groups from the family of every element or node; a table names the groups of every family."""
     groups: dict[int, list[str]] = {0: []}
-    for family in (families or {}).values():
+    for family in (table or {}).values():
         names = family["GRO/NOM"][:] if "GRO" in family else ()
         groups[int(family.attrs["NUM"])] = [_text(name.tobytes()) for name in names]
-    return groups
-
-
-def _members(groups: dict[int, list[str]], families: list[Ints]) -> Groups:
     lost = set(np.unique(np.concatenate([np.zeros(1, np.int64), *families])).tolist()) - set(groups)
     if lost:
         raise ValueError(f"family {min(lost)} is used and not given ({len(lost)} such families)")
-    names = sorted({name for names_of in groups.values() for name in names_of})
-    numbers = {name: [number for number, names_of in groups.items() if name in names_of] for name in names}
-    return {
-        name: [np.flatnonzero(np.isin(names_of, numbers[name])) for names_of in families] for name in names
-    }
+    members: Groups = {}
+    for name in sorted({name for names_of in groups.values() for name in names_of}):
+        numbers = [number for number, names_of in groups.items() if name in names_of]
+        members[name] = [np.flatnonzero(np.isin(family, numbers)) for family in families]
+    return members

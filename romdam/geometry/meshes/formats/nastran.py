@@ -18,7 +18,7 @@ import numpy as np
 
 from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
-from romdam.core.scene import Floats, Ints
+from romdam.core.scene import Floats
 from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
     LARGEST,
@@ -111,6 +111,92 @@ class _Deck:
     blank: int = 0  # grid points with a blank coordinate
     ended: str = ""  # where ENDDATA stands
 
+    def read(self, entry: _Entry) -> None:
+        """Read one entry."""
+        name = entry.name
+        if self.ended:
+            raise ValueError(f"{entry.where}: {name} stands after ENDDATA of {self.ended}")
+        if name == "GRID":
+            self.read_grid(entry)
+        elif name in _KINDS:
+            self.read_element(entry)
+        elif name == "GRDSET":
+            self.default = entry.whole(2, 0)
+        elif name in _SYSTEMS:
+            corners = np.array([entry.real(k) for k in range(3, 12)]).reshape(3, 3)
+            if entry.whole(1) in self.systems:
+                raise ValueError(f"{entry.where}: coordinate system {entry.whole(1)} is given twice")
+            self.systems[entry.whole(1)] = (name, entry.whole(2, 0), corners)
+        elif name == "ENDDATA":
+            self.ended = entry.where
+        elif meant := _meant(name):
+            raise ValueError(f"{entry.where}: {name} is not known; is {meant} meant?")
+        elif _ELEMENT.fullmatch(name):
+            self.others[name] += 1
+
+    def read_grid(self, entry: _Entry) -> None:
+        """Read GRID."""
+        if not 5 <= len(entry.fields) <= 8 or entry.given < 3:
+            what = "has lines of another entry" if len(entry.fields) > 8 else "lacks coordinates"
+            raise ValueError(f"{entry.where}: GRID {entry.fields[0]} {what}")
+        self.tags.append(entry.whole(1))
+        self.points.append((entry.real(3), entry.real(4), entry.real(5)))
+        self.system.append(entry.whole(2) if entry.fields[1] else None)
+        self.blank += not all(entry.fields[2:5])
+
+    def read_element(self, entry: _Entry) -> None:
+        """Read a solid or a shell."""
+        sizes = _KINDS[entry.name]
+        shell = _SHELL_NODES.get(entry.name)
+        last = 2 + shell if shell else entry.given
+        count = last - 2
+        more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
+        if count not in sizes or entry.given < last or more:
+            fields_given = max(entry.given - 2, 0)
+            raise ValueError(
+                f"{entry.where}: {entry.name} {entry.fields[0]} has {fields_given} nodes, expected "
+                f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
+                "nodes are left out"
+            )
+        row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
+        self.rows.setdefault(sizes[count].name, []).append(row)
+
+    def in_basic(self) -> Floats:
+        """The grid points in the basic coordinate system."""
+        points = np.array(self.points, dtype=float).reshape(-1, 3)
+        systems = np.array([self.default or 0 if s is None else s for s in self.system], dtype=np.int64)
+        for system in np.unique(systems[systems != 0]):
+            points[systems == system] = self.to_basic(points[systems == system], int(system), ())
+        return points
+
+    def to_basic(self, points: Floats, system: int, above: tuple[int, ...]) -> Floats:
+        """Points of a system given by its origin A, a point B on its z axis and a point C in its x-z plane.
+
+        Coordinates are x, y, z, cylindrical (r, theta, z) or spherical (r, theta from z, phi) in degrees.
+        """
+        if system == 0:
+            return points
+        if system not in self.systems or system in above:
+            what = "refers to itself" if system in above else "is not given as CORD2R, CORD2C or CORD2S"
+            raise ValueError(f"coordinate system {system} {what}; export with basic coordinates")
+        kind, reference, corners = self.systems[system]
+        A, B, C = self.to_basic(corners, reference, (*above, system))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            k = (B - A) / np.linalg.norm(B - A)
+            j = np.cross(k, C - A)
+            j = j / np.linalg.norm(j)
+        if not np.isfinite([k, j]).all():
+            raise ValueError(f"the three points of coordinate system {system} lie on a line")
+        if kind != "CORD2R":
+            r, theta, third = points.T
+            along, across = r * np.cos(np.radians(theta)), r * np.sin(np.radians(theta))
+            if kind == "CORD2C":
+                points = np.stack([along, across, third], axis=1)
+            else:
+                phi = np.radians(third)
+                points = np.stack([across * np.cos(phi), across * np.sin(phi), along], axis=1)
+        return A + points @ np.stack([np.cross(j, k), j, k])
+
 
 def read_nastran(path: Path, location: str) -> MeshFile:
     """Read a bulk data file and what it includes; groups are the properties.
@@ -124,18 +210,27 @@ def read_nastran(path: Path, location: str) -> MeshFile:
     deck = _Deck()
     try:
         for entry in _entries(_lines(path, (), location)):
-            _read(deck, entry)
+            deck.read(entry)
         if not deck.ended:
             raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
-        points = _in_basic(deck)
+        points = deck.in_basic()
     except ValueError as error:
         raise cannot_be_read(location, "nastran", str(error)) from None
-    cells, properties = _cells(deck)
+    cells, properties = [], []
+    for kind, rows in deck.rows.items():
+        table = np.array(rows, dtype=np.int64)
+        cells.append(Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "nastran"), table[:, 0]))
+        properties.append(table[:, 1])
     mesh = checked_mesh(np.array(deck.tags, dtype=np.int64), points, cells, location)
     groups = by_value(properties)
     groups.pop("0", None)  # elements without a property
-    remarks = (*mesh.remarks, *_remarks(deck), *missing_ids(cells))
-    return replace(mesh, groups=groups, remarks=remarks)
+    remarks = [*mesh.remarks]
+    if deck.others:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted(deck.others.items()))
+        remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
+    if deck.blank:
+        remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
+    return replace(mesh, groups=groups, remarks=(*remarks, *missing_ids(cells)))
 
 
 def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line]:
@@ -153,21 +248,18 @@ def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line
         if not text or k == begin:
             continue
         if text.lstrip()[:7].upper() == "INCLUDE":
-            yield from _lines(_included(text, path, where), (*above, here), location)
+            pattern = r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*"""
+            match = re.fullmatch(pattern, text, re.IGNORECASE)
+            if match is None:
+                raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
+            included = path.parent / next(group for group in match.groups() if group)
+            if not included.is_file():
+                raise ValueError(f"{where}: the included file {included} does not exist")
+            yield from _lines(included, (*above, here), location)
         elif k > begin:
             yield _fields(text, where)
         elif text.upper().startswith(("GRID", *_KINDS)):
             raise ValueError(f"{where}: {quote(text)} stands before BEGIN BULK")
-
-
-def _included(text: str, path: Path, where: str) -> Path:
-    match = re.fullmatch(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", text, re.IGNORECASE)
-    if match is None:
-        raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
-    name = Path(next(group for group in match.groups() if group))
-    if not (path.parent / name).is_file():
-        raise ValueError(f"{where}: the included file {path.parent / name} does not exist")
-    return path.parent / name
 
 
 def _fields(text: str, where: str) -> _Line:
@@ -213,117 +305,8 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
         yield entry
 
 
-def _read(deck: _Deck, entry: _Entry) -> None:
-    name = entry.name
-    if deck.ended:
-        raise ValueError(f"{entry.where}: {name} stands after ENDDATA of {deck.ended}")
-    if name == "GRID":
-        _read_grid(deck, entry)
-    elif name in _KINDS:
-        _read_element(deck, entry)
-    elif name == "GRDSET":
-        deck.default = entry.whole(2, 0)
-    elif name in _SYSTEMS:
-        corners = np.array([entry.real(k) for k in range(3, 12)]).reshape(3, 3)
-        if entry.whole(1) in deck.systems:
-            raise ValueError(f"{entry.where}: coordinate system {entry.whole(1)} is given twice")
-        deck.systems[entry.whole(1)] = (name, entry.whole(2, 0), corners)
-    elif name == "ENDDATA":
-        deck.ended = entry.where
-    elif _meant(name):
-        raise ValueError(f"{entry.where}: {name} is not known; is {_meant(name)} meant?")
-    elif _ELEMENT.fullmatch(name):
-        deck.others[name] += 1
-
-
 @cache
 def _meant(name: str) -> str:
     """The entry that a name differs from by a letter; empty where there is none."""
     near = [] if name in _ALIKE else get_close_matches(name, _READ, n=1, cutoff=0.75)
     return near[0] if near else ""
-
-
-def _read_grid(deck: _Deck, entry: _Entry) -> None:
-    if not 5 <= len(entry.fields) <= 8 or entry.given < 3:
-        what = "has lines of another entry" if len(entry.fields) > 8 else "lacks coordinates"
-        raise ValueError(f"{entry.where}: GRID {entry.fields[0]} {what}")
-    deck.tags.append(entry.whole(1))
-    deck.points.append((entry.real(3), entry.real(4), entry.real(5)))
-    deck.system.append(entry.whole(2) if entry.fields[1] else None)
-    deck.blank += not all(entry.fields[2:5])
-
-
-def _read_element(deck: _Deck, entry: _Entry) -> None:
-    sizes = _KINDS[entry.name]
-    shell = _SHELL_NODES.get(entry.name)
-    last = 2 + shell if shell else entry.given
-    count = last - 2
-    more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
-    if count not in sizes or entry.given < last or more:
-        fields_given = max(entry.given - 2, 0)
-        raise ValueError(
-            f"{entry.where}: {entry.name} {entry.fields[0]} has {fields_given} nodes, expected "
-            f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
-            "nodes are left out"
-        )
-    row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
-    deck.rows.setdefault(sizes[count].name, []).append(row)
-
-
-def _cells(deck: _Deck) -> tuple[list[Cells], list[Ints]]:
-    """Elements by kind, and the property of every one."""
-    cells, properties = [], []
-    for kind, rows in deck.rows.items():
-        table = np.array(rows, dtype=np.int64)
-        cells.append(Cells(kind, CELLS[kind].in_vtk_order(table[:, 2:], "nastran"), table[:, 0]))
-        properties.append(table[:, 1])
-    return cells, properties
-
-
-def _remarks(deck: _Deck) -> list[str]:
-    remarks = []
-    if deck.others:
-        listed = ", ".join(f"{count} {name}" for name, count in sorted(deck.others.items()))
-        remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
-    if deck.blank:
-        remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
-    return remarks
-
-
-def _in_basic(deck: _Deck) -> Floats:
-    """The grid points in the basic coordinate system."""
-    points = np.array(deck.points, dtype=float).reshape(-1, 3)
-    systems = np.array([deck.default or 0 if s is None else s for s in deck.system], dtype=np.int64)
-    for system in np.unique(systems[systems != 0]):
-        points[systems == system] = _to_basic(points[systems == system], int(system), deck, ())
-    return points
-
-
-def _to_basic(points: Floats, system: int, deck: _Deck, above: tuple[int, ...]) -> Floats:
-    """Points of a system given by its origin A, a point B on its z axis and a point C in its x-z plane."""
-    if system == 0:
-        return points
-    if system not in deck.systems or system in above:
-        what = "refers to itself" if system in above else "is not given as CORD2R, CORD2C or CORD2S"
-        raise ValueError(f"coordinate system {system} {what}; export with basic coordinates")
-    kind, reference, corners = deck.systems[system]
-    A, B, C = _to_basic(corners, reference, deck, (*above, system))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        k = (B - A) / np.linalg.norm(B - A)
-        j = np.cross(k, C - A)
-        j = j / np.linalg.norm(j)
-    if not np.isfinite([k, j]).all():
-        raise ValueError(f"the three points of coordinate system {system} lie on a line")
-    return A + _straight(points, kind) @ np.stack([np.cross(j, k), j, k])
-
-
-def _straight(points: Floats, kind: str) -> Floats:
-    """Cylindrical (r, theta, z) or spherical (r, theta from z, phi) coordinates in degrees as x, y, z."""
-    if kind == "CORD2R":
-        return points
-    r, first, two = points.T
-    if kind == "CORD2C":
-        return np.stack([r * np.cos(np.radians(first)), r * np.sin(np.radians(first)), two], axis=1)
-    flat = r * np.sin(np.radians(first))
-    height = r * np.cos(np.radians(first))
-    return np.stack([flat * np.cos(np.radians(two)), flat * np.sin(np.radians(two)), height], axis=1)

@@ -45,6 +45,16 @@ class _Line(NamedTuple):
     number: int
     text: str
 
+    def whole(self, least: int) -> list[int]:
+        """Whole numbers of ten columns each, or between blanks; at least so many."""
+        words = [self.text[k : k + 10].strip() for k in range(0, len(self.text.rstrip()), 10)]
+        words = words if all(map(_is_whole, words)) else self.text.split()
+        if len(words) < least or not all(map(_is_whole, words)):
+            raise ValueError(
+                f"line {self.number}: {quote(self.text.strip())} is not {least} whole numbers or more"
+            )
+        return [int(word) for word in words]
+
 
 Lines = list[_Line]
 
@@ -59,6 +69,71 @@ class _Content:
     groups: dict[str, dict[int, list[int]]] = field(default_factory=dict)  # name -> code -> numbers
     others: Counter[str] = field(default_factory=Counter)  # what is left out
     metre: float = 1.0  # of the file's lengths
+
+    def read_nodes(self, lines: Lines) -> None:
+        """Read a dataset of nodes, two lines each."""
+        for k in range(0, len(lines), 2):
+            head, coordinates = _record(lines, k, 2)
+            self.add_node(head.whole(4)[:2], coordinates, coordinates.text.split())
+
+    def read_old_nodes(self, lines: Lines) -> None:
+        """Read a dataset of nodes, a line each."""
+        for line in lines:
+            head = line._replace(text=line.text[:40]).whole(4)[:2]
+            self.add_node(head, line, line.text[40:].split())
+
+    def add_node(self, head: list[int], line: _Line, words: list[str]) -> None:
+        """Add a node: number and coordinate system, three words."""
+        if len(words) != 3:
+            raise ValueError(f"line {line.number}: {quote(line.text.strip())} is not three coordinates")
+        if head[1] > 1:
+            self.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
+        self.tags.append(head[0])
+        self.points += [word.upper().replace("D", "E") for word in words]
+
+    def read_elements(self, lines: Lines) -> None:
+        """Read a dataset of elements."""
+        k = 0
+        while k < len(lines):
+            number, kind, prop, _, _, count = lines[k].whole(6)[:6]
+            skipped = 2 if kind in _BEAMS else 1
+            taken = _record(lines, k + skipped, -(-max(count, 1) // 8))
+            nodes = [node for line in taken for node in line.whole(1)]
+            if len(nodes) != count:
+                raise ValueError(
+                    f"line {lines[k].number}: element {number} has {len(nodes)} nodes, and says {count}"
+                )
+            cell = _CELLS.get(kind)
+            if cell is None or cell.nodes != count:
+                self.others[f"elements of type {kind} with {count} nodes"] += 1
+            else:
+                self.rows.setdefault(cell.name, []).append([number, prop, *nodes])
+            k += skipped + len(taken)
+
+    def read_groups(self, lines: Lines, width: int) -> None:
+        """Groups; each entity has its code and number, and in the newer form two words more."""
+        k = 0
+        while k < len(lines):
+            count = lines[k].whole(8)[7]
+            _, name = _record(lines, k, 2)
+            taken = _record(lines, k + 2, -(-count * width // 8))
+            words = [word for line in taken for word in line.whole(width)]
+            if len(words) != count * width:
+                raise ValueError(
+                    f"line {lines[k].number}: the group says {count} members, and has {len(words) // width}"
+                )
+            members = self.groups.setdefault(name.text.strip(), {})
+            for code, number in zip(words[::width], words[1::width], strict=True):
+                if code in (_NODE, _ELEMENT):
+                    members.setdefault(code, []).append(number)
+                else:
+                    self.others[f"group members of code {code}"] += 1
+            k += 2 + len(taken)
+
+    def read_units(self, lines: Lines) -> None:
+        """Read the dataset of units: how many of the file's lengths a metre is."""
+        factors = [word.upper().replace("D", "E") for _, text in lines[1:] for word in text.split()]
+        self.metre = float(numbers_of(factors[:1], "the units")[0]) if factors else 1.0
 
 
 def read_unv(path: Path, location: str) -> MeshFile:
@@ -85,18 +160,23 @@ def read_unv(path: Path, location: str) -> MeshFile:
             for kind, table in tables.items()
         ]
         mesh = checked_mesh(np.array(content.tags, dtype=np.int64), points, cells, location)
-        numbered = {
-            kind: {
-                name: np.array(members.get(kind, ()), np.int64) for name, members in content.groups.items()
-            }
-            for kind in (_NODE, _ELEMENT)
-        }
-        groups, node_sets = by_number(mesh, numbered[_ELEMENT], numbered[_NODE])
+        elements, nodes = (
+            {name: np.array(members.get(code, ()), np.int64) for name, members in content.groups.items()}
+            for code in (_ELEMENT, _NODE)
+        )
+        groups, node_sets = by_number(mesh, elements, nodes)
     except ValueError as error:
         raise cannot_be_read(location, "universal", str(error)) from None
-    remarks = (*mesh.remarks, *_remarks(content), *missing_ids(cells))
+    remarks = [*mesh.remarks]
+    if content.others:
+        listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
+        remarks.append(f"left out: {listed}")
+    if content.metre != 1.0:
+        remarks.append(
+            f"its dataset 164 says that a metre is {content.metre:g} of its lengths; they are read in `unit`"
+        )
     groups = groups or by_value([table[:, 1] for table in tables.values()])
-    return replace(mesh, groups=groups, node_sets=node_sets, remarks=remarks)
+    return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*remarks, *missing_ids(cells)))
 
 
 def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
@@ -111,16 +191,6 @@ def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
         yield name[0] if name else "", [_Line(k + 1, lines[k]) for k in range(first + 2, last)]
 
 
-def _whole(line: _Line, least: int) -> list[int]:
-    """Whole numbers of ten columns each."""
-    number, text = line
-    words = [text[k : k + 10].strip() for k in range(0, len(text.rstrip()), 10)]
-    words = words if all(map(_is_whole, words)) else text.split()
-    if len(words) < least or not all(map(_is_whole, words)):
-        raise ValueError(f"line {number}: {quote(text.strip())} is not {least} whole numbers or more")
-    return [int(word) for word in words]
-
-
 def _is_whole(word: str) -> bool:
     return word.lstrip("+-").isdecimal() and word.isascii() and len(word) < 19
 
@@ -131,90 +201,12 @@ def _record(lines: Lines, first: int, count: int) -> Lines:
     return lines[first : first + count]
 
 
-def _read_nodes(content: _Content, lines: Lines) -> None:
-    for k in range(0, len(lines), 2):
-        head, coordinates = _record(lines, k, 2)
-        _add_node(content, _whole(head, 4)[:2], coordinates, coordinates.text.split())
-
-
-def _read_old_nodes(content: _Content, lines: Lines) -> None:
-    for line in lines:
-        head = _whole(line._replace(text=line.text[:40]), 4)[:2]
-        _add_node(content, head, line, line.text[40:].split())
-
-
-def _add_node(content: _Content, head: list[int], line: _Line, words: list[str]) -> None:
-    if len(words) != 3:
-        raise ValueError(f"line {line.number}: {quote(line.text.strip())} is not three coordinates")
-    if head[1] > 1:
-        content.others[f"nodes in coordinate system {head[1]}, read as if it were the first,"] += 1
-    content.tags.append(head[0])
-    content.points += [word.upper().replace("D", "E") for word in words]
-
-
-def _read_elements(content: _Content, lines: Lines) -> None:
-    k = 0
-    while k < len(lines):
-        number, kind, prop, _, _, count = _whole(lines[k], 6)[:6]
-        skipped = 2 if kind in _BEAMS else 1
-        taken = _record(lines, k + skipped, -(-max(count, 1) // 8))
-        nodes = [node for line in taken for node in _whole(line, 1)]
-        if len(nodes) != count:
-            raise ValueError(
-                f"line {lines[k].number}: element {number} has {len(nodes)} nodes, and says {count}"
-            )
-        cell = _CELLS.get(kind)
-        if cell is None or cell.nodes != count:
-            content.others[f"elements of type {kind} with {count} nodes"] += 1
-        else:
-            content.rows.setdefault(cell.name, []).append([number, prop, *nodes])
-        k += skipped + len(taken)
-
-
-def _read_groups(content: _Content, lines: Lines, width: int) -> None:
-    """Groups; each entity has its code and number, and in the newer form two words more."""
-    k = 0
-    while k < len(lines):
-        count = _whole(lines[k], 8)[7]
-        _, name = _record(lines, k, 2)
-        taken = _record(lines, k + 2, -(-count * width // 8))
-        words = [word for line in taken for word in _whole(line, width)]
-        if len(words) != count * width:
-            raise ValueError(
-                f"line {lines[k].number}: the group says {count} members, and has {len(words) // width}"
-            )
-        members = content.groups.setdefault(name.text.strip(), {})
-        for code, number in zip(words[::width], words[1::width], strict=True):
-            if code in (_NODE, _ELEMENT):
-                members.setdefault(code, []).append(number)
-            else:
-                content.others[f"group members of code {code}"] += 1
-        k += 2 + len(taken)
-
-
-def _read_units(content: _Content, lines: Lines) -> None:
-    factors = [word.upper().replace("D", "E") for _, text in lines[1:] for word in text.split()]
-    content.metre = float(numbers_of(factors[:1], "the units")[0]) if factors else 1.0
-
-
 _READ: dict[str, Callable[[_Content, Lines], None]] = {
-    "2411": _read_nodes,
-    "781": _read_nodes,
-    "15": _read_old_nodes,
-    "2412": _read_elements,
-    "164": _read_units,
-    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda content, lines: _read_groups(content, lines, 4)),
-    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda content, lines: _read_groups(content, lines, 2)),
+    "2411": _Content.read_nodes,
+    "781": _Content.read_nodes,
+    "15": _Content.read_old_nodes,
+    "2412": _Content.read_elements,
+    "164": _Content.read_units,
+    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda content, lines: content.read_groups(lines, 4)),
+    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda content, lines: content.read_groups(lines, 2)),
 }
-
-
-def _remarks(content: _Content) -> list[str]:
-    said = []
-    if content.others:
-        listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
-        said.append(f"left out: {listed}")
-    if content.metre != 1.0:
-        said.append(
-            f"its dataset 164 says that a metre is {content.metre:g} of its lengths; they are read in `unit`"
-        )
-    return said

@@ -61,6 +61,73 @@ class _Grid:
     header: str
     compressor: str | None
 
+    def array(self, tag: ElementTree.Element, rows: int | None, width: int = 1) -> NDArray[Any]:
+        """The values of a DataArray, (rows, width) or (rows,); any number of rows if None."""
+        kind, name = tag.get("type", ""), tag.get("Name", "array")
+        if kind not in _NUMBERS:
+            raise ValueError(f"{name} is of type {kind!r}")
+        dtype = np.dtype(self.order + _NUMBERS[kind])
+        if int(tag.get("NumberOfComponents") or width) != width:
+            raise ValueError(f"{name} has {tag.get('NumberOfComponents')} components, expected {width}")
+        if tag.get("format") == "ascii":
+            values = numbers_of((tag.text or "").split(), name)
+            if (dtype.kind != "f" and not (values == np.rint(values)).all()) or "_" in (tag.text or ""):
+                raise ValueError(f"{name} holds what is no whole number")
+            values = values if dtype.kind == "f" else values.astype(np.int64)
+        else:
+            raw = self.content(tag, name)
+            if len(raw) % dtype.itemsize:
+                raise ValueError(f"{name} has {len(raw)} bytes, no multiple of {dtype.itemsize}")
+            values = np.frombuffer(raw, dtype)
+        if rows is not None and len(values) != rows * width:
+            raise ValueError(f"{name} has {len(values)} numbers, expected {rows * width}: the file was cut")
+        return values.reshape(-1, width) if width > 1 else values
+
+    def content(self, tag: ElementTree.Element, name: str) -> bytes:
+        """Content of a binary or appended array."""
+        form = tag.get("format")
+        if form == "binary":
+            return self.unpacked("".join((tag.text or "").split()).encode(), True)
+        if form != "appended" or not re.fullmatch(r"\s*\d{1,15}\s*", tag.get("offset", "")):
+            raise ValueError(f"{name} has format {form!r} and offset {tag.get('offset')!r}")
+        data = self.appended[int(tag.get("offset", "")) :]
+        if self.encoding == "base64":
+            return self.unpacked(b"".join(data.split()), True)
+        return self.unpacked(data, False)
+
+    def unpacked(self, data: bytes, coded: bool) -> bytes:
+        """The first array in `data`: a header that says how long it is, and perhaps compressed blocks."""
+        size = np.dtype(self.header).itemsize
+        if self.compressor is None:
+            length = int(np.frombuffer(_decoded(data, 0, size, coded), self.header)[0])
+            # characters of a header that is coded by itself, and then ends with =
+            head_size = -(-size // 3) * 4
+            if coded and length and data[head_size - 1 : head_size] == b"=":
+                return _decoded(data, head_size, length, coded)
+            return _decoded(data, 0, size + length, coded)[size:]
+        count = int(np.frombuffer(_decoded(data, 0, size, coded), self.header)[0])
+        head = _decoded(data, 0, size * (3 + count), coded)
+        blocks = np.frombuffer(head, self.header).astype(np.int64)
+        at = -(-len(head) // 3) * 4 if coded else len(head)
+        packed = _decoded(data, at, int(blocks[3:].sum()), coded)
+        full, last = int(blocks[1]), int(blocks[2])
+        if blocks.min() < 0 or full * count > LARGEST:
+            raise ValueError(
+                f"an array says that it holds {count} blocks of {full} bytes, limit {LARGEST:g} bytes"
+            )
+        sizes = [full] * count
+        if count and last:
+            sizes[-1] = last
+        ends = np.cumsum(blocks[3:])
+        contents = []
+        for end, n, wanted in zip(ends.tolist(), blocks[3:].tolist(), sizes, strict=True):
+            # not one byte more than wanted: it may be a bomb
+            content = _COMPRESSORS[self.compressor]().decompress(packed[end - n : end], wanted + 1)
+            if len(content) != wanted:
+                raise ValueError(f"a compressed block holds {len(content)} bytes, expected {wanted}")
+            contents.append(content)
+        return b"".join(contents)
+
 
 def read_vtu(path: Path, location: str) -> MeshFile:
     """Read an unstructured grid; groups are the values of its array of whole numbers over the cells.
@@ -74,8 +141,14 @@ def read_vtu(path: Path, location: str) -> MeshFile:
     location = f"{location}: {path}"
     try:
         grid = _parse(path.read_bytes())
-        piece = _one_piece(grid)
-        points = _array(grid, _only(piece, "Points"), _count(piece, "NumberOfPoints"), 3).astype(float)
+        pieces = grid.root.findall("UnstructuredGrid/Piece")
+        if len(pieces) != 1:
+            raise ValueError(f"it has {len(pieces)} pieces, limit 1: merge them, with the nodes between them")
+        (piece,) = pieces
+        arrays = piece.findall("Points/DataArray")
+        if len(arrays) != 1:
+            raise ValueError(f"<Points> has {len(arrays)} arrays, expected 1")
+        points = grid.array(arrays[0], _count(piece, "NumberOfPoints"), 3).astype(float)
         cells, rows = _cells(grid, piece)
         values = _groups(grid, piece, location)
     except (
@@ -119,20 +192,6 @@ def _parse(data: bytes) -> _Grid:
     return _Grid(root, appended, encoding, order, order + _NUMBERS[header], compressor)
 
 
-def _one_piece(grid: _Grid) -> ElementTree.Element:
-    pieces = grid.root.findall("UnstructuredGrid/Piece")
-    if len(pieces) != 1:
-        raise ValueError(f"it has {len(pieces)} pieces, limit 1: merge them, with the nodes between them")
-    return pieces[0]
-
-
-def _only(piece: ElementTree.Element, name: str) -> ElementTree.Element:
-    arrays = piece.findall(f"{name}/DataArray")
-    if len(arrays) != 1:
-        raise ValueError(f"<{name}> has {len(arrays)} arrays, expected 1")
-    return arrays[0]
-
-
 def _named(piece: ElementTree.Element, name: str) -> ElementTree.Element:
     arrays = [a for a in piece.findall("Cells/DataArray") if a.get("Name") == name]
     if len(arrays) != 1:
@@ -147,72 +206,6 @@ def _count(piece: ElementTree.Element, name: str) -> int:
     return int(word)
 
 
-def _array(grid: _Grid, tag: ElementTree.Element, rows: int | None, width: int = 1) -> NDArray[Any]:
-    """The values of a DataArray, (rows, width) or (rows,); any number of rows if None."""
-    kind, name = tag.get("type", ""), tag.get("Name", "array")
-    if kind not in _NUMBERS:
-        raise ValueError(f"{name} is of type {kind!r}")
-    dtype = np.dtype(grid.order + _NUMBERS[kind])
-    if int(tag.get("NumberOfComponents") or width) != width:
-        raise ValueError(f"{name} has {tag.get('NumberOfComponents')} components, expected {width}")
-    if tag.get("format") == "ascii":
-        values = numbers_of((tag.text or "").split(), name)
-        if (dtype.kind != "f" and not (values == np.rint(values)).all()) or "_" in (tag.text or ""):
-            raise ValueError(f"{name} holds what is no whole number")
-        values = values if dtype.kind == "f" else values.astype(np.int64)
-    else:
-        raw = _bytes(grid, tag, name)
-        if len(raw) % dtype.itemsize:
-            raise ValueError(f"{name} has {len(raw)} bytes, no multiple of {dtype.itemsize}")
-        values = np.frombuffer(raw, dtype)
-    if rows is not None and len(values) != rows * width:
-        raise ValueError(f"{name} has {len(values)} numbers, expected {rows * width}: the file was cut")
-    return values.reshape(-1, width) if width > 1 else values
-
-
-def _bytes(grid: _Grid, tag: ElementTree.Element, name: str) -> bytes:
-    """Content of a binary or appended array."""
-    form = tag.get("format")
-    if form == "binary":
-        return _unpacked(grid, "".join((tag.text or "").split()).encode(), True)
-    if form != "appended" or not re.fullmatch(r"\s*\d{1,15}\s*", tag.get("offset", "")):
-        raise ValueError(f"{name} has format {form!r} and offset {tag.get('offset')!r}")
-    at = int(tag.get("offset", ""))
-    data = grid.appended[at:]
-    return _unpacked(
-        grid, b"".join(data.split()) if grid.encoding == "base64" else data, grid.encoding == "base64"
-    )
-
-
-def _unpacked(grid: _Grid, data: bytes, coded: bool) -> bytes:
-    """The first array in `data`: a header that says how long it is, and perhaps compressed blocks."""
-    size = np.dtype(grid.header).itemsize
-    if grid.compressor is None:
-        length = int(np.frombuffer(_decoded(data, 0, size, coded), grid.header)[0])
-        head_size = -(-size // 3) * 4  # characters of a header that is coded by itself, and then ends with =
-        if coded and length and data[head_size - 1 : head_size] == b"=":
-            return _decoded(data, head_size, length, coded)
-        return _decoded(data, 0, size + length, coded)[size:]
-    count = int(np.frombuffer(_decoded(data, 0, size, coded), grid.header)[0])
-    head = _decoded(data, 0, size * (3 + count), coded)
-    blocks = np.frombuffer(head, grid.header).astype(np.int64)
-    at = -(-len(head) // 3) * 4 if coded else len(head)
-    packed = _decoded(data, at, int(blocks[3:].sum()), coded)
-    full, last = int(blocks[1]), int(blocks[2])
-    if blocks.min() < 0 or full * count > LARGEST:
-        raise ValueError(
-            f"an array says that it holds {count} blocks of {full} bytes, limit {LARGEST:g} bytes"
-        )
-    sizes = [full] * count
-    if count and last:
-        sizes[-1] = last
-    ends = np.cumsum(blocks[3:])
-    return b"".join(
-        _inflated(grid.compressor, packed[end - n : end], want)
-        for end, n, want in zip(ends.tolist(), blocks[3:].tolist(), sizes, strict=True)
-    )
-
-
 def _decoded(data: bytes, at: int, count: int, coded: bool) -> bytes:
     """`count` bytes from position `at`, which are a whole piece of base64 where coded."""
     length = -(-count // 3) * 4 if coded else count
@@ -225,20 +218,12 @@ def _decoded(data: bytes, at: int, count: int, coded: bool) -> bytes:
     return content[:count]
 
 
-def _inflated(compressor: str, packed: bytes, size: int) -> bytes:
-    """One compressed block of so many bytes, and not one byte more: it may be a bomb."""
-    content = _COMPRESSORS[compressor]().decompress(packed, size + 1)
-    if len(content) != size:
-        raise ValueError(f"a compressed block holds {len(content)} bytes, expected {size}")
-    return content
-
-
 def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[Ints]]:
     """The elements kind by kind, and the rows of the file that each holds."""
     count = _count(piece, "NumberOfCells")
-    types = _array(grid, _named(piece, "types"), count).astype(np.int64)
-    ends = _array(grid, _named(piece, "offsets"), count).astype(np.int64)
-    nodes = _array(grid, _named(piece, "connectivity"), None).astype(np.int64)
+    types = grid.array(_named(piece, "types"), count).astype(np.int64)
+    ends = grid.array(_named(piece, "offsets"), count).astype(np.int64)
+    nodes = grid.array(_named(piece, "connectivity"), None).astype(np.int64)
     unknown = np.flatnonzero(~np.isin(types, list(_TYPES)))
     if len(unknown):
         raise ValueError(f"cell {unknown[0]} is of VTK's type {types[unknown[0]]}, which is not known")
@@ -276,4 +261,4 @@ def _groups(grid: _Grid, piece: ElementTree.Element, location: str) -> Ints:
         )
     if not chosen:
         return np.zeros(0, dtype=np.int64)
-    return _array(grid, arrays[chosen[0]], _count(piece, "NumberOfCells")).astype(np.int64)
+    return grid.array(arrays[chosen[0]], _count(piece, "NumberOfCells")).astype(np.int64)
