@@ -58,8 +58,8 @@ def refuse_free_blocks(
         elif joint.weights is not None:
             follows = ~fixed[joint.blocks[0]][joint.nodes[0]]
             I, J = (jump_rows.reshape(-1, 3, width)[follows] for jump_rows in (I, joint.weights @ J))
-        rows.append(np.linalg.qr((J - I).reshape(-1, width), mode="r"))  # the few rows that span them
-    free = _null_space(np.linalg.qr(np.vstack(rows), mode="r"))
+        rows.append(_triangle((J - I).reshape(-1, width)))  # the few rows that span them
+    free = _null_space(_triangle(np.vstack(rows)))
     if free.shape[1]:
         raise ConfigError(_explain(bodies, free, bool(joints), source))
 
@@ -134,8 +134,8 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     held = Factor(stiffness + diags_array(_ALONE * np.where(diagonal > 0.0, diagonal, 1.0)))
     answer = held.solve(force)
     every[inner] = -(answer + held.solve(force - stiffness @ answer))
-    every = every.reshape(motions.shape)
-    return every if nodes is None else every[nodes]
+    followed = every.reshape(motions.shape)
+    return followed if nodes is None else followed[nodes]
 
 
 def motions_of_pieces(block: Block, nodes: int) -> Floats:
@@ -167,10 +167,10 @@ def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
         rows.append(np.where(np.abs(force) > _STRAINS, force, 0.0))
         # a projector on motions in which no unknown moves
         unseen = np.zeros((width, width))
-        free = _null_space(np.linalg.qr(motions[unknown, body], mode="r"))
+        free = _null_space(_triangle(motions[unknown, body]))
         unseen[body, body] = free @ free.T
         rows.append(unseen)
-    return np.asarray(np.linalg.qr(np.vstack(rows), mode="r"))
+    return _triangle(np.vstack(rows))
 
 
 def _null_space(rows: Floats) -> Floats:
@@ -224,5 +224,10 @@ def has_no_rigid_body_mode(block: Block, held: Bools, ties: csr_matrix | None = 
         tied = np.unique(ties.indices // 3)
         columns = (3 * tied[:, None] + np.arange(3)).ravel()
         motions = _placed(block, tied, 6 * piece, 6 * count).reshape(-1, 6 * count)
-        seen = np.vstack([seen, np.linalg.qr(ties[:, columns] @ motions, mode="r")])
+        seen = np.vstack([seen, _triangle(ties[:, columns] @ motions)])
     return _null_space(np.vstack([np.zeros((1, 6 * count)), seen])).shape[1] == 0
+
+
+def _triangle(rows: Floats) -> Floats:
+    """The few rows (QR) that span what many rows span."""
+    return np.asarray(np.linalg.qr(rows, mode="r"), dtype=float)

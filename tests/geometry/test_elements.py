@@ -146,7 +146,7 @@ def test_boundary_of_a_box(name):
 @pytest.mark.parametrize("name", SOLIDS)
 def test_nodes_of_a_box_are_foreseen(name):
     """By `refuse_large`, before a box is made."""
-    from romdam.geometry.meshes.sizes import _nodes
+    from romdam.geometry.meshes.sizes import grid_nodes
 
     block = mesh(name, size=(1.0, 1.5, 2.0))
-    assert _nodes([2, 3, 4], name) == pytest.approx(len(block.points), rel=1e-14)
+    assert grid_nodes([2, 3, 4], name) == pytest.approx(len(block.points), rel=1e-14)

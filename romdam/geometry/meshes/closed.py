@@ -24,12 +24,8 @@ _AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
 _NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
 _INSIDE = 1e-6  # of the reference element: margin of being inside
 _PAIRS = 1_000_000  # of a point and an element, at a time
-_FOLLOWED = (
-    1.0,
-    0.3,
-    0.1,
-    *[0.03] * 9,
-)  # how far out of an element each step to a point's place in it may lead
+# how far out of an element each step to a point's coordinates in it may lead
+_FOLLOWED = (1.0, 0.3, 0.1, *[0.03] * 9)
 _CONVERGED = 1e-9  # step in the reference element
 _STRAIGHT = 1e-6  # of the longest edge: nodes so near to the middle of their corners leave edges straight
 _LOST = 9.0  # a reference coordinate far out
@@ -58,24 +54,30 @@ def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
     faces = _Faces(block)
     faces.refuse_unpaired(location)
     free = faces.free
-    _refuse_inner(block, free, location)
-    centre = block.points.mean(axis=0)
-    flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), _arms(block, free, centre)))
+    inside = np.zeros(len(free), dtype=bool)
+    for rows, facet_nodes, _ in facets_by_kind(free):
+        outside = _just_outside(block.points, facet_nodes)
+        samples = outside.shape[1]
+        inside[rows] = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
+    if inside.any():
+        what = (
+            f"have an element across them that does not share them, within {_AWAY:g} of their size "
+            "(a crack, nodes that hang, or elements that overlap)"
+        )
+        at = block.points[free[np.argmax(inside)]].mean(axis=0)
+        raise _error(block, at, int(inside.sum()), what, location)
+    arms = block.points[free] - block.points.mean(axis=0)
+    flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), arms))
     if abs(flux / 3.0 - volume) > _VOLUME * volume and not frame(block.element).quadratic:
         raise MeshError(
             f"{location}: the faces of block {block.name!r} enclose {flux / 3.0:.6g} m3 and its elements "
-            "hold "
-            f"{volume:.6g} m3: its faces do not close; export the mesh anew"
+            f"hold {volume:.6g} m3: its faces do not close; export the mesh anew"
         )
     return faces.pieces
 
 
-def _arms(block: Block, facets: Ints, centre: Floats) -> Floats:
-    return block.points[facets] - centre
-
-
 class _Faces:
-    """All faces of a block's elements, and which of them are one."""
+    """All faces of a block's elements, and which of them coincide."""
 
     def __init__(self, block: Block) -> None:
         self.block = block
@@ -92,7 +94,7 @@ class _Faces:
 
     @property
     def pairs(self) -> tuple[Ints, Ints]:
-        """Faces that are one."""
+        """Faces that coincide."""
         first = self.start[self.count == 2]
         return self.order[first], self.order[first + 1]
 
@@ -114,14 +116,17 @@ class _Faces:
 
     def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], location: str) -> None:
         c = facet_element(facets[0]).corners
-        first, other = (_from_least(rows, c) for rows in facets)
-        turned = (first[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
-        if not turned.all():
-            raise self._error(
-                a[~turned],
-                "have both their elements on the same side, or are cut otherwise by them",
-                location,
-            )
+        turned = []  # so that the lowest corner comes first, the mid-edge nodes with it
+        for rows in facets:
+            turn = (np.argmin(rows[:, :c], axis=1)[:, None] + np.arange(c)) % c
+            rings = range(0, rows.shape[1] - c + 1, c)
+            nodes = [np.take_along_axis(rows[:, k : k + c], turn, 1) for k in rings]
+            turned.append(np.hstack([*nodes, rows[:, c * len(rings) :]]))
+        first, other = turned
+        opposed = (first[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
+        if not opposed.all():
+            what = "have both their elements on the same side, or are cut otherwise by them"
+            raise self._error(a[~opposed], what, location)
         agree = (first[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
         agree &= (first[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
         if not agree.all():
@@ -133,14 +138,6 @@ class _Faces:
         )
 
 
-def _from_least(rows: Ints, corners: int) -> Ints:
-    """Facets turned so that their lowest corner comes first, the mid-edge nodes with them."""
-    turn = (np.argmin(rows[:, :corners], axis=1)[:, None] + np.arange(corners)) % corners
-    rings = range(0, rows.shape[1] - corners + 1, corners)
-    turned = [np.take_along_axis(rows[:, k : k + corners], turn, 1) for k in rings]
-    return np.hstack([*turned, rows[:, corners * len(rings) :]])
-
-
 def _error(block: Block, at: Floats, count: int, what: str, location: str) -> MeshError:
     where = ", ".join(f"{x:.6g}" for x in at)
     return MeshError(
@@ -148,22 +145,6 @@ def _error(block: Block, at: Floats, count: int, what: str, location: str) -> Me
         f"({where}) m); repair the mesh: merge duplicate nodes and elements, or make it blocks with a "
         "joint or tie"
     )
-
-
-def _refuse_inner(block: Block, free: Ints, location: str) -> None:
-    inside = np.zeros(len(free), dtype=bool)
-    for rows, facet_nodes, _ in facets_by_kind(free):
-        outside = _just_outside(block.points, facet_nodes)
-        samples = outside.shape[1]
-        inside[rows] = _any_cell_has(block, outside.reshape(-1, 3)).reshape(-1, samples).any(axis=1)
-    if inside.any():
-        what = (
-            f"have an element across them that does not share them, within {_AWAY:g} of their size "
-            "(a crack, nodes that hang, or elements that overlap)"
-        )
-        raise _error(
-            block, block.points[free[np.argmax(inside)]].mean(axis=0), int(inside.sum()), what, location
-        )
 
 
 def _just_outside(points: Floats, facets: Ints) -> Floats:
@@ -184,42 +165,37 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
     inside = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
+    if not len(near):
+        return inside
     for element, _, cells in kinds_of(block.element, block.cells):
-        _find_inside(points, near, *_geometry(block.points[cells], element), inside)
+        # of straight cells the corners are enough
+        nodes, linear = block.points[cells], ELEMENTS[element.linear]
+        corners = nodes[:, : element.corners]
+        off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
+        longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
+        if np.abs(off).max(initial=0.0) <= _STRAIGHT * longest:
+            nodes, element = corners, linear
+
+        lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
+        slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
+        lowest, highest = lowest - slack, highest + slack
+        middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
+        scale = np.ceil(np.log2(reach))
+        for size in np.unique(scale):
+            cells_of_size = np.flatnonzero(scale == size)
+            by_middle = tree(middle[cells_of_size])
+            # groups of points with so many pairs of a point and a cell near it as memory takes
+            count = by_middle.query_ball_point(points[near], 2.0**size, return_length=True)
+            ends = np.flatnonzero(np.diff(np.cumsum(count) // _PAIRS)) + 1
+            for group in np.split(near, ends):
+                pairs = tree(points[group]).sparse_distance_matrix(
+                    by_middle, 2.0**size, output_type="ndarray"
+                )
+                p, c = group[pairs["i"]], cells_of_size[pairs["j"]]
+                boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~inside[p]
+                p, c = p[boxed], c[boxed]
+                inside[p[_inside(points[p], nodes[c], element)]] = True
     return inside
-
-
-def _find_inside(points: Floats, near: Ints, nodes: Floats, element: Element, inside: Bools) -> None:
-    """Mark those of the points `near` that are inside an element of one kind."""
-    lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
-    slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
-    lowest, highest = lowest - slack, highest + slack
-    middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
-    scale = np.ceil(np.log2(reach))
-    for size in np.unique(scale):
-        cells_of_size = np.flatnonzero(scale == size)
-        by_middle = tree(middle[cells_of_size])
-        for group in _parts(near, by_middle.query_ball_point(points[near], 2.0**size, return_length=True)):
-            pairs = tree(points[group]).sparse_distance_matrix(by_middle, 2.0**size, output_type="ndarray")
-            p, c = group[pairs["i"]], cells_of_size[pairs["j"]]
-            boxed = ((points[p] > lowest[c]) & (points[p] < highest[c])).all(axis=1) & ~inside[p]
-            p, c = p[boxed], c[boxed]
-            inside[p[_inside(points[p], nodes[c], element)]] = True
-
-
-def _parts(points: Ints, pairs: Ints) -> list[Ints]:
-    """Points cut into parts with so many pairs of a point and an element near it as memory takes."""
-    return np.split(points, np.flatnonzero(np.diff(np.cumsum(pairs) // _PAIRS)) + 1) if len(points) else []
-
-
-def _geometry(nodes: Floats, element: Element) -> tuple[Floats, Element]:
-    """Nodes of every cell (nc, nn, 3) and their element; the corners only where these give all of them."""
-    linear, corners = ELEMENTS[element.linear], nodes[:, : element.corners]
-    off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
-    longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
-    if np.abs(off).max(initial=0.0) > _STRAIGHT * longest:
-        return nodes, element
-    return corners, linear
 
 
 def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
@@ -232,7 +208,13 @@ def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
     left = np.arange(len(points))
     xi = np.tile(element.nodes[: element.corners].mean(axis=0), (min(len(points), 1), 1))
     for far in _FOLLOWED:
-        better = _newton(points[left], nodes[left], element, xi)
+        at = np.matmul(element.shape(xi)[:, None], nodes[left])[:, 0]
+        J = np.matmul(element.gradient(xi), nodes[left])
+        cross = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])
+        away = (points[left] - at)[:, :, None]
+        with np.errstate(all="ignore"):
+            step = np.matmul(cross, away)[:, :, 0] / (J[:, 0] * cross[:, 0]).sum(axis=1)[:, None]
+        better = np.clip(np.nan_to_num(xi + step, nan=_LOST), -_LOST, _LOST)
         moved, depth = np.abs(better - xi).max(axis=1), _depth(better, element)
         moved *= element.name != "tet4"  # where a step is exact
         inside[left[(moved < _CONVERGED) & (depth > _INSIDE)]] = True
@@ -252,16 +234,3 @@ def _depth(xi: Floats, element: Element) -> Floats:
     if element.linear == "wedge6":
         return np.minimum(np.minimum(xi.min(axis=1), 1.0 - xi[:, 2]), 1.0 - xi[:, 0] - xi[:, 1])
     return np.minimum(xi.min(axis=1), 1.0 - xi.sum(axis=1))
-
-
-def _newton(points: Floats, nodes: Floats, element: Element, xi: Floats) -> Floats:
-    """One step from xi (p, 3), or (1, 3) for all, to the reference coordinates of points."""
-    at = np.matmul(element.shape(xi)[:, None], nodes)[:, 0]
-    J = np.matmul(element.gradient(xi), nodes)
-    cross = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])
-    with np.errstate(all="ignore"):
-        step = (
-            np.matmul(cross, (points - at)[:, :, None])[:, :, 0]
-            / (J[:, 0] * cross[:, 0]).sum(axis=1)[:, None]
-        )
-    return np.clip(np.nan_to_num(xi + step, nan=_LOST), -_LOST, _LOST)

@@ -1,5 +1,4 @@
-"""A mesh as it stands in a file: nodes and elements with the file's own numbers, checked and counted "
-"from 0."""
+"""A mesh as it stands in a file: nodes and elements with the file's numbers, checked and counted from 0."""
 
 from __future__ import annotations
 
@@ -91,9 +90,25 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
     if cells:
         _refuse_repeated(np.concatenate([c.ids for c in cells]), "element", location)
     order = np.argsort(tags, kind="stable")
-    numbered = [replace(c, nodes=_numbered(c, tags[order], order, location)) for c in cells]
+    known, numbered = tags[order], []
+    for c in cells:
+        rank = np.minimum(np.searchsorted(known, c.nodes), len(known) - 1)
+        lost = np.argwhere(known[rank] != c.nodes)
+        if len(lost):
+            row, column = lost[0]
+            raise MeshError(
+                f"{location}: elements use node {c.nodes[row, column]}, which is not given (the first is "
+                f"element {c.ids[row]}, {c.kind}; {len(lost)} such uses); repair the file"
+            )
+        numbered.append(replace(c, nodes=np.asarray(order[rank], dtype=np.int64)))
     for c in numbered:
-        _refuse_collapsed(c, location)
+        nodes = np.sort(c.nodes, axis=1)
+        twice = np.flatnonzero((nodes[:, 1:] == nodes[:, :-1]).any(axis=1))
+        if c.dim == 3 and len(twice):
+            raise MeshError(
+                f"{location}: element {c.ids[twice[0]]} ({c.kind}) names a node twice ({len(twice)} such "
+                "elements, limit 0): it is collapsed; mesh with full hexahedra or tetrahedra"
+            )
     return MeshFile(points, tags, numbered, remarks=_remarks(tags, points, numbered, location))
 
 
@@ -104,28 +119,6 @@ def _refuse_repeated(numbers: Ints, what: str, location: str) -> None:
         raise MeshError(
             f"{location}: {what} {twice[0]} is given twice (several parts?), limit once "
             f"({len(twice)} such numbers); renumber, or merge the parts into one flat mesh with sets"
-        )
-
-
-def _numbered(cells: Cells, known: Ints, order: Ints, location: str) -> Ints:
-    at = np.minimum(np.searchsorted(known, cells.nodes), len(known) - 1)
-    lost = np.argwhere(known[at] != cells.nodes)
-    if len(lost):
-        row, column = lost[0]
-        raise MeshError(
-            f"{location}: elements use node {cells.nodes[row, column]}, which is not given (the first is "
-            f"element {cells.ids[row]}, {cells.kind}; {len(lost)} such uses); repair the file"
-        )
-    return np.asarray(order[at], dtype=np.int64)
-
-
-def _refuse_collapsed(cells: Cells, location: str) -> None:
-    rows = np.sort(cells.nodes, axis=1)
-    bad = np.flatnonzero((rows[:, 1:] == rows[:, :-1]).any(axis=1)) if cells.dim == 3 else np.zeros(0, int)
-    if len(bad):
-        raise MeshError(
-            f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) names a node twice ({len(bad)} such "
-            "elements, limit 0): it is collapsed; mesh with full hexahedra or tetrahedra"
         )
 
 
@@ -151,7 +144,7 @@ def _remarks(tags: Ints, points: Floats, cells: list[Cells], location: str) -> t
 
 
 def by_value(values: list[Ints]) -> Groups:
-    """Groups of elements with one value.
+    """Groups of elements with the same value.
 
     Parameters
     ----------
@@ -248,17 +241,10 @@ def numbers_of(words: Sequence[bytes | str], what: str) -> Floats:
     try:
         return np.fromiter(map(float, words), dtype=float, count=len(words))
     except ValueError:
-        wrong = [_is_number(word) for word in words].index(False)
-        raise ValueError(f"number {wrong + 1} of {what} is {quote(_text(words[wrong]))}") from None
-
-
-def _is_number(word: bytes | str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _text(word: bytes | str) -> str:
-    return word.decode(errors="replace") if isinstance(word, bytes) else word
+        for number, word in enumerate(words, start=1):
+            try:
+                float(word)
+            except ValueError:
+                text = word.decode(errors="replace") if isinstance(word, bytes) else word
+                raise ValueError(f"number {number} of {what} is {quote(text)}") from None
+        raise

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 
@@ -90,7 +89,14 @@ class MeshFiles:
         members = _members(file, config.group, path, location)
         for used, members_of in zip(self._used[path], members, strict=True):
             used[members_of] = True
-        block = _block(name, file, members, scale, material, path, location)
+        element, cells = _cells(file, members, path, location)
+        nodes, local = np.unique(cells, return_inverse=True)
+        cells = local.reshape(cells.shape)
+        number = np.full(len(file.points), -1)
+        number[nodes] = np.arange(len(nodes))
+        faces = _faces(file, boundary_facets(cells, element), number)
+        block = Block(name, element, file.points[nodes] * scale, cells, material, faces)
+        refuse_bad_cells(block, f"{location}.file: {path}")
         for _ in range(config.refine):
             block = refine(block, f"{location}.refine")
         return block
@@ -107,15 +113,11 @@ class MeshFiles:
             total = sum(len(u) for _, u in solid)
             left = {c.kind: int((~u).sum()) for c, u in solid if not u.all()}
             if left:
-                groups = [
-                    label
-                    for label, members in file.groups.items()
-                    if any(
-                        (~u[m]).any()
-                        for m, c, u in zip(members, file.cells, self._used[path], strict=True)
-                        if c.dim == 3
-                    )
-                ]
+                groups = []
+                for label, members in file.groups.items():
+                    uses = zip(members, file.cells, self._used[path], strict=True)
+                    if any((~u[m]).any() for m, c, u in uses if c.dim == 3):
+                        groups.append(label)
                 log.warning(
                     "%s: %s: %d of its %d solid elements (%s) belong to no block; groups of them: %s",
                     source, path, sum(left.values()), total,
@@ -167,12 +169,8 @@ def _loose_facets(file: MeshFile, location: str) -> list[str]:
     if not solid.any():  # a surface
         return remarks
     for k, cells in enumerate(file.cells):
-        members = (
-            {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
-            if cells.dim == 2
-            else {}
-        )
-        if not members:
+        members = {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
+        if cells.dim != 2 or not members:
             continue
         corner = cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
         off = ~_on_faces(file, corner)
@@ -182,8 +180,8 @@ def _loose_facets(file: MeshFile, location: str) -> list[str]:
             if len(bad):
                 raise MeshError(
                     f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
-                    "of a solid "
-                    f"element, whose corners it has ({len(bad)} such elements, limit 0); export the mesh anew"
+                    f"of a solid element, whose corners it has ({len(bad)} such elements, limit 0); export "
+                    "the mesh anew"
                 )
             if len(lost):
                 remarks.append(
@@ -210,27 +208,6 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
             return np.ones(len(corners), dtype=bool)  # faces of a kind that is not read
     number = row_numbers(np.concatenate(rows))
     return np.isin(number[: len(corners)], number[len(corners) :])
-
-
-def _block(
-    name: str,
-    file: MeshFile,
-    members: list[Ints],
-    scale: float,
-    material: Material,
-    path: Path,
-    location: str,
-) -> Block:
-    element, cells = _cells(file, members, path, location)
-    used, local = np.unique(cells, return_inverse=True)
-    points = file.points[used] * scale
-    cells = local.reshape(cells.shape)
-    number = np.full(len(file.points), -1)
-    number[used] = np.arange(len(used))
-    faces = _faces(file, boundary_facets(cells, element), number)
-    block = Block(name, element, points, cells, material, faces)
-    refuse_bad_cells(block, f"{location}.file: {path}")
-    return block
 
 
 def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> list[Ints]:
@@ -281,12 +258,6 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tu
     return mixed
 
 
-def _keys(corners: Ints, width: int) -> list[list[int]]:
-    """Keys of facets by their corners, those of triangles as of collapsed quadrilaterals."""
-    padded = np.pad(corners, ((0, 0), (0, width - corners.shape[1])), mode="edge")
-    return cast("list[list[int]]", facet_keys(padded).tolist())
-
-
 def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
     width = facet_frame(boundary).corners
@@ -294,12 +265,14 @@ def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
     faces = {}
     for label, members in file.groups.items():
-        numbers = {
-            index.get(tuple(key), -1)
-            for m, cells in zip(members, file.cells, strict=True)
-            if cells.dim == 2 and ELEMENT_OF_CELL[cells.kind].corners <= width
-            for key in _keys(number[cells.nodes[m][:, : ELEMENT_OF_CELL[cells.kind].corners]], width)
-        }
+        numbers: set[int] = set()
+        for m, cells in zip(members, file.cells, strict=True):
+            if cells.dim != 2 or (count := ELEMENT_OF_CELL[cells.kind].corners) > width:
+                continue
+            corners = number[cells.nodes[m][:, :count]]
+            # a triangle among quadrilaterals is a collapsed quadrilateral
+            padded = np.pad(corners, ((0, 0), (0, width - count)), mode="edge")
+            numbers |= {index.get(tuple(key), -1) for key in facet_keys(padded).tolist()}
         if chosen := sorted(numbers - {-1}):
             faces[label] = boundary[chosen]
     for label, nodes in file.node_sets.items():

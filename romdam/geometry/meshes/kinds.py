@@ -61,9 +61,8 @@ def refuse_wedges(block: Block, what: str, location: str) -> None:
     """
     if block.element not in get_args(GridElement):
         raise MeshError(
-            f"{location}: block {block.name!r} has wedges or pyramids ({block.element}), which {what}; "
-            "mesh it "
-            "with hexahedra or tetrahedra alone"
+            f"{location}: block {block.name!r} has wedges or pyramids ({block.element}), which {what}; mesh "
+            "it with hexahedra or tetrahedra alone"
         )
 
 

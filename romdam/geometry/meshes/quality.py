@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,7 @@ log = logging.getLogger(__name__)
 
 _CHUNK = 4096  # cells at a time
 _COINCIDENT = 1e-6  # distance of two nodes relative to the block's diagonal
-_TOGETHER = 1e-3  # the same relative to the shortest edge at either node: else they are an element's own
+_TOGETHER = 1e-3  # the same relative to the shortest edge at either node: else it is a small element
 _FLAT = 1e-12  # Jacobian determinant relative to the cube of the element's size, below which it is flat
 
 
@@ -44,15 +43,33 @@ def refuse_bad_cells(block: Block, location: str) -> None:
             f"{block.name!r} occur twice, limit 0; remove duplicates, or select one `group` of the file"
         )
     refuse_loose_nodes(block, location)
-    _refuse_stray_middles(block, location)
+    for element, rows, cells in kinds_of(block.element, block.cells):
+        if element.quadratic:
+            _refuse_stray_middles(block, element, rows, cells, location)
     volume = sound_volume(block, location)
-    _refuse_coincident_nodes(block, location)
+
+    # two nodes at the same position are a crack that no joint knows of
+    shortest = _shortest_edges(block)
+    usual = float(np.median(shortest[np.isfinite(shortest)]))
+    reach = min(_COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0))), _TOGETHER * usual)
+    pairs = tree(block.points).query_pairs(reach, output_type="ndarray")
+    if len(pairs):
+        apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
+        pairs = pairs[apart <= _TOGETHER * shortest[pairs].min(axis=1)]
+    if len(pairs):
+        first, second = pairs[np.lexsort(pairs.T[::-1])][0]
+        at = ", ".join(f"{x:.6g}" for x in block.points[second])
+        raise MeshError(
+            f"{location}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
+            f"{second} at ({at}) are the first, counted from 0; within {reach:.1g} m), limit 0: the block is "
+            "cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
+        )
+
     pieces = refuse_bad_faces(block, volume, location)
     if pieces > 1:
         log.warning(
-            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks "
-            "of their "
-            "own, or mesh them together", location, block.name, pieces,
+            "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks of "
+            "their own, or mesh them together", location, block.name, pieces,
         )  # fmt: skip
 
 
@@ -62,22 +79,15 @@ def sound_volume(block: Block, location: str) -> float:
     for element, rows, cells in chunks_of(block, _CHUNK):
         xi, weight = element.rule
         both = np.vstack([xi, element.nodes[: element.corners]])
-        determinant = _determinants(jacobians(block.points, cells, element, both))
+        matrices = jacobians(block.points, cells, element, both)
+        # determinants by the rule of Sarrus: LAPACK is slow on small matrices
+        (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
+        determinant = a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
         size = np.ptp(block.points[cells], axis=1).max(axis=1)
-        refuse_inverted(
-            block,
-            np.where(determinant > (_FLAT * size**3)[:, None], determinant, np.minimum(determinant, 0.0)),
-            rows,
-            location,
-        )
+        not_flat = determinant > (_FLAT * size**3)[:, None]
+        refuse_inverted(block, np.where(not_flat, determinant, np.minimum(determinant, 0.0)), rows, location)
         total += float((determinant[:, : len(xi)] @ weight).sum())
     return total
-
-
-def _determinants(matrices: Floats) -> Floats:
-    """Of (..., 3, 3), by the rule of Sarrus: LAPACK is slow on small matrices."""
-    (a, b, c), (d, e, f), (g, h, i) = np.moveaxis(matrices, (-2, -1), (0, 1))
-    return np.asarray(a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g))
 
 
 def refuse_loose_nodes(block: Block, location: str = "mesh") -> None:
@@ -94,27 +104,10 @@ def refuse_loose_nodes(block: Block, location: str = "mesh") -> None:
         return
     loose = np.flatnonzero(np.bincount(block.cells.ravel(), minlength=len(block.points)) == 0)
     if len(loose):
+        at = ", ".join(f"{x:.6g}" for x in block.points[loose[0]])
         raise MeshError(
-            f"{location}: node {_node(block, loose[0])} of block {block.name!r} belongs to no element "
+            f"{location}: node {loose[0]} at ({at}) of block {block.name!r} belongs to no element "
             f"({len(loose)} such nodes, limit 0): remove it, or mesh what it was meant for"
-        )
-
-
-def _refuse_coincident_nodes(block: Block, location: str) -> None:
-    """Two nodes at one place are a crack that no joint knows of."""
-    shortest = _shortest_edges(block)
-    usual = float(np.median(shortest[np.isfinite(shortest)]))
-    reach = min(_COINCIDENT * float(np.linalg.norm(np.ptp(block.points, axis=0))), _TOGETHER * usual)
-    pairs = tree(block.points).query_pairs(reach, output_type="ndarray")
-    if len(pairs):
-        apart = np.linalg.norm(np.diff(block.points[pairs], axis=1)[:, 0], axis=1)
-        pairs = pairs[apart <= _TOGETHER * shortest[pairs].min(axis=1)]
-    if len(pairs):
-        first, second = pairs[np.lexsort(pairs.T[::-1])][0]
-        raise MeshError(
-            f"{location}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
-            f"{_node(block, second)} are the first, counted from 0; within {reach:.1g} m), limit 0: the "
-            "block is cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
         )
 
 
@@ -129,58 +122,37 @@ def _shortest_edges(block: Block) -> Floats:
     return shortest
 
 
-def _node(block: Block, node: int) -> str:
-    return f"{node} at ({', '.join(f'{x:.6g}' for x in block.points[node])})"
+def _refuse_stray_middles(block: Block, element: Element, rows: Ints, cells: Ints, location: str) -> None:
+    """Raise where a node is nearer to another node's position than to the right one: a wrong node order.
 
+    That is half an edge away for a node of an edge. Nodes of facets and of the whole may be a quarter of the
+    shortest edge from where the edges' nodes would have them.
 
-def _refuse_stray_middles(block: Block, location: str) -> None:
-    """Raise where a node is nearer to another one's place than to its own: a wrong node order.
-
-    That is half an edge away for one of an edge. Those of facets and of the whole, a quarter of the shortest
-    edge from where the edges' nodes would have them.
+    Parameters
+    ----------
+    rows : (nc,) numbers of the cells in the block
+    cells : (nc, nodes of the element)
     """
-    for element, rows, cells in kinds_of(block.element, block.cells):
-        if element.quadratic:
-            _refuse_stray_middles_of(block, element, (rows, cells), location)
-
-
-def _refuse_stray_middles_of(block: Block, element: Element, kind: tuple[Ints, Ints], location: str) -> None:
-    rows, cells = kind
     corners, edges = element.corners, len(element.edges)
     nodes = block.points[cells]
     ends = nodes[:, np.array(element.edges)]
     length = np.maximum(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2), np.finfo(float).tiny)
     off = np.linalg.norm(nodes[:, corners : corners + edges] - ends.mean(axis=2), axis=2) / length
-    _refuse_stray(block, off, _Middles(corners, "mid-edge", "of its edge", 0.5, rows), location)
+    checks = [(corners, "mid-edge", "of its edge", 0.5, off)]
     if not element.on_edges:
         first = corners + edges
         inner = nodes[:, first:] - element.skeleton.shape(element.nodes[first:]) @ nodes[:, :first]
         off = np.linalg.norm(inner, axis=2) / length.min(axis=1)[:, None]
-        _refuse_stray(block, off, _Middles(first, "middle", "of its corners", 0.25, rows), location)
-
-
-class _Middles(NamedTuple):
-    """Nodes in the middle of corners: the first one's number, words, how far off they may be, their cells."""
-
-    first: int
-    kind: str
-    where: str
-    limit: float
-    cells: Ints
-
-
-def _refuse_stray(block: Block, off: Floats, middles: _Middles, location: str) -> None:
-    """Raise where a node's distance off its place (nc, nodes), in edge lengths, reaches the limit."""
-    if off.max() < middles.limit:
-        return
-    cell, node = np.unravel_index(np.argmax(off), off.shape)
-    raise MeshError(
-        f"{location}: {middles.kind} node {middles.first + node} of element {middles.cells[cell]} of block "
-        f"{block.name!r} "
-        f"({block.element}, both counted from 0) is {off[cell, node]:.3g} edge lengths off the middle "
-        f"{middles.where}, limit {middles.limit:g}: the file's node order is not that of its format; "
-        "export the mesh anew"
-    )
+        checks.append((first, "middle", "of its corners", 0.25, off))
+    for first, kind, where, limit, off in checks:
+        if off.max() >= limit:
+            cell, node = np.unravel_index(np.argmax(off), off.shape)
+            raise MeshError(
+                f"{location}: {kind} node {first + node} of element {rows[cell]} of block {block.name!r} "
+                f"({block.element}, both counted from 0) is {off[cell, node]:.3g} edge lengths off the "
+                f"middle {where}, limit {limit:g}: the file's node order is not that of its format; export "
+                "the mesh anew"
+            )
 
 
 def refuse_inverted(block: Block, determinant: Floats, cells: Ints, location: str = "mesh") -> None:

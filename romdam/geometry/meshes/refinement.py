@@ -1,8 +1,9 @@
 """Uniform refinement of a block's mesh: every cell is cut into eight of its kind, every facet into four.
 
-The shape functions of a cell give the places of the new nodes, so the shape of quadratic blocks stays. At
-these places their values are multiples of a power of two, so weights and node numbers say exactly which new
-nodes of neighbouring cells are one, whatever lies at the same place. Nodes keep their numbers; others follow.
+The shape functions of a cell give the positions of the new nodes, so the shape of quadratic blocks stays.
+There their values are multiples of a power of two, so weights and node numbers say exactly which new nodes
+of neighbouring cells coincide, whatever else lies at the same position. Nodes keep their numbers; others
+follow.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.core.scene import Block
 from romdam.geometry.cells import COLLAPSED
-from romdam.geometry.elements import ELEMENTS, Element
+from romdam.geometry.elements import ELEMENTS
 from romdam.geometry.meshes.kinds import facets_by_kind, frame, kinds_of
 
 _WHOLE = 2**12  # shape functions at the new nodes are multiples of 1 / _WHOLE
@@ -42,8 +43,7 @@ def refine(block: Block, location: str) -> Block:
         if kind.linear not in _CHILDREN:
             raise MeshError(
                 f"{location}: {len(table)} of {len(block.cells)} cells are {kind.name}, which refinement "
-                "cannot "
-                "cut into cells of their kind; mesh the part with hexahedra, wedges or tetrahedra"
+                "cannot cut into cells of their kind; mesh the part with hexahedra, wedges or tetrahedra"
             )
         _, weights, numbers = _children(kind.name)
         keys.append(_keys(labels, table, weights).ravel())
@@ -58,7 +58,10 @@ def refine(block: Block, location: str) -> Block:
     tables, start = [], 0
     for kind, numbers, count, width in cells:
         children = number[start : start + count * width].reshape(count, width)
-        tables.append(_in_frame(children[:, numbers].reshape(-1, numbers.shape[1]), kind, block.element))
+        table = children[:, numbers].reshape(-1, numbers.shape[1])
+        if kind.name != block.element:  # in a block of several kinds some nodes stand twice
+            table = table[:, list(COLLAPSED[3, frame(block.element).cell.nodes][kind.cell.name])]
+        tables.append(table)
         start += count * width
 
     def refined_facets(facets: Ints) -> Ints:
@@ -69,22 +72,15 @@ def refine(block: Block, location: str) -> Block:
             children = rank[np.searchsorted(known, _keys(labels, table, weights))]
             pieces = children[:, numbers].reshape(-1, numbers.shape[1])
             if pieces.shape[1] < facets.shape[1]:
-                (frame,) = (
+                (columns,) = (
                     f for f in COLLAPSED[2, facets.shape[1]].values() if len(set(f)) == pieces.shape[1]
                 )
-                pieces = pieces[:, list(frame)]
+                pieces = pieces[:, list(columns)]
             kinds.append(pieces)
         return np.concatenate(kinds) if kinds else facets
 
     faces = {name: refined_facets(facets) for name, facets in block.faces.items()}
     return replace(block, points=points, cells=np.concatenate(tables), faces=faces)
-
-
-def _in_frame(cells: Ints, kind: Element, element: str) -> Ints:
-    """Cells of a kind in the table of a block, where some of several kinds have nodes that stand twice."""
-    if kind.name == element:
-        return cells
-    return cells[:, list(COLLAPSED[3, frame(element).cell.nodes][kind.cell.name])]
 
 
 def _keys(labels: NDArray[np.uint64], cells: Ints, weights: Floats) -> NDArray[np.uint64]:
@@ -111,47 +107,33 @@ def _children(name: str) -> tuple[Floats, Floats, Ints]:
     return xi, element.shape(xi), number.reshape(nodes.shape[:2])
 
 
-def _hexahedra() -> list[Floats]:
-    corners = ELEMENTS["hex8"].nodes
-    return [0.5 * (corners + octant) for octant in corners]
-
-
-def _quadrilaterals() -> list[Floats]:
-    corners = ELEMENTS["quad4"].nodes
-    return [0.5 * (corners + quadrant) for quadrant in corners]
-
-
-def _triangles() -> list[Floats]:
+def _child_corners() -> dict[str, list[Floats]]:
+    """Corners of the children of every linear cell, (corners, d) each."""
     a, b, c = ELEMENTS["tri3"].nodes
     ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-    return [np.array(t) for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    triangles = [np.array(corners) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    wedges = []
+    for low in (0.0, 0.5):
+        for triangle in triangles:
+            wedges.append(np.vstack([np.c_[triangle, np.full(3, z)] for z in (low, low + 0.5)]))
 
-
-def _wedges() -> list[Floats]:
-    return [
-        np.vstack([np.c_[triangle, np.full(3, z)] for z in (low, low + 0.5)])
-        for low in (0.0, 0.5)
-        for triangle in _triangles()
-    ]
-
-
-def _tetrahedra() -> list[Floats]:
-    """Four at the corners, and the octahedron between them in four around its diagonal from ac to bd."""
+    # four tetrahedra at the corners, and four around the diagonal ac to bd of the octahedron between them
     a, b, c, d = ELEMENTS["tet4"].nodes
     ab, ac, ad, bc, bd, cd = (0.5 * (p + q) for p, q in ((a, b), (a, c), (a, d), (b, c), (b, d), (c, d)))
     inner = [(ac, bd, ab, bc), (ac, bd, bc, cd), (ac, bd, cd, ad), (ac, bd, ad, ab)]
-    tetrahedra = [(a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d), *inner]
-    return [np.array(tet if _volume(tet) > 0.0 else (tet[1], tet[0], *tet[2:])) for tet in tetrahedra]
+    tetrahedra = []
+    for tet in [(a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d), *inner]:
+        turned = np.linalg.det(np.array(tet[1:]) - tet[0]) <= 0.0
+        tetrahedra.append(np.array((tet[1], tet[0], *tet[2:]) if turned else tet))
+
+    hexahedron, quadrilateral = ELEMENTS["hex8"].nodes, ELEMENTS["quad4"].nodes
+    return {
+        "hex8": [0.5 * (hexahedron + octant) for octant in hexahedron],
+        "wedge6": wedges,
+        "tet4": tetrahedra,
+        "quad4": [0.5 * (quadrilateral + quadrant) for quadrant in quadrilateral],
+        "tri3": triangles,
+    }
 
 
-def _volume(tet: tuple[Floats, ...]) -> float:
-    return float(np.linalg.det(np.array(tet[1:]) - tet[0]))
-
-
-_CHILDREN = {
-    "hex8": _hexahedra(),
-    "wedge6": _wedges(),
-    "tet4": _tetrahedra(),
-    "quad4": _quadrilaterals(),
-    "tri3": _triangles(),
-}
+_CHILDREN = _child_corners()

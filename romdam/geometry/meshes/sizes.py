@@ -32,7 +32,8 @@ def refuse_large(config: Config, source: str) -> None:
     needs = {}
     for name, block in config.blocks.items():
         if block.box is not None:
-            needs[f"blocks.{name}.box.element_size"] = (_box_nodes(block.box), block.box.element)
+            nodes = grid_nodes(_counts(block.box), block.box.element)
+            needs[f"blocks.{name}.box.element_size"] = (nodes, block.box.element)
     if config.arch_dam is not None:
         needs["arch_dam.divisions"] = (_arch_nodes(config.arch_dam), config.arch_dam.element)
     if config.gravity_dam is not None:
@@ -43,22 +44,20 @@ def refuse_large(config: Config, source: str) -> None:
     key, (nodes, element) = max(
         needs.items(), key=lambda item: item[1][0] * ELEMENTS[item[1][1]].bytes_per_node
     )
+    coarser = _ROOM * (total / limit) ** (1 / 3)
+    if key.endswith("dam.divisions"):
+        remedy = f"divide by {coarser:.2g} in every direction"
+    else:
+        box = config.blocks[key.split(".")[1]].box
+        assert box is not None
+        edges = [coarser * length / n for length, n in zip(box.size, _counts(box), strict=True)]
+        lengths = " or ".join(dict.fromkeys(f"{edge:.2g} m" for edge in edges))
+        remedy = f"the smallest elements that fit have about {lengths}"
     named = "model.memory" if config.model.memory is not None else "four fifths of this machine's memory"
     raise ConfigError(
         f"{source}: {key}: about {nodes:.3g} nodes ({3.0 * nodes:.3g} unknowns, {element}), and the blocks "
         f"together need about {shown_size(total)} only to be assembled, limit {named} = {shown_size(limit)}; "
-        f"{_remedy(config, key, _ROOM * (total / limit) ** (1 / 3))}"
-    )
-
-
-def _remedy(config: Config, key: str, coarser: float) -> str:
-    if key.endswith("dam.divisions"):
-        return f"divide by {coarser:.2g} in every direction"
-    box = config.blocks[key.split(".")[1]].box
-    assert box is not None
-    edges = [coarser * length / n for length, n in zip(box.size, _counts(box), strict=True)]
-    return (
-        f"the smallest elements that fit have about {' or '.join(dict.fromkeys(f'{e:.2g} m' for e in edges))}"
+        f"{remedy}"
     )
 
 
@@ -69,33 +68,30 @@ def _counts(box: BoxConfig) -> list[float]:
     return [min(max(length / size, 1.0), _MOST) for length, size in zip(box.size, sizes, strict=True)]
 
 
-def _box_nodes(box: BoxConfig) -> float:
-    return _nodes(_counts(box), box.element)
-
-
 def _arch_nodes(dam: ArchDamConfig) -> float:
     """Of the dam and, around the path of its contact, the ground."""
     d = dam.divisions.refined
     along = dam.cantilevers * d.along
-    nodes = _nodes([along, d.through, d.up], dam.element)
+    nodes = grid_nodes([along, d.through, d.up], dam.element)
     layers = (d.perimeter if dam.perimeter else 0) + (d.rock if dam.rock else 0)
     rows = d.through + (d.upstream + d.downstream if dam.rock else 0)
-    return nodes + (_nodes([along + 2 * d.up, rows, layers], dam.element) if layers else 0.0)
+    return nodes + (grid_nodes([along + 2 * d.up, rows, layers], dam.element) if layers else 0.0)
 
 
 def _gravity_nodes(dam: GravityDamConfig) -> float:
     """Of the dam's grid and, as wide as the dam and its banks, of the rock's below."""
     d = dam.divisions.refined
     wide = len(dam.monoliths) * d.along
-    nodes = _nodes([wide, d.through, d.up], dam.element)
+    nodes = grid_nodes([wide, d.through, d.up], dam.element)
     if dam.rock is None:
         return nodes
     wide += sum(d.banks for side in (dam.rock.left, dam.rock.right) if side)
     rise = (max(dam.slices.values()) - dam.lowest) / (dam.crest - dam.lowest)
-    return nodes + _nodes([wide, d.through + d.upstream + d.downstream, d.depth + d.up * rise], dam.element)
+    rows = d.through + d.upstream + d.downstream
+    return nodes + grid_nodes([wide, rows, d.depth + d.up * rise], dam.element)
 
 
-def _nodes(counts: Sequence[float], element: str) -> float:
+def grid_nodes(counts: Sequence[float], element: str) -> float:
     """Nodes of a grid of so many hexahedra along each axis, each one element or cut as boxes are."""
     corners, kind = prod(n + 1.0 for n in counts), ELEMENTS[element]
     tips = prod(counts) if kind.linear == "pyramid5" else 0.0

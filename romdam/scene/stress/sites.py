@@ -77,7 +77,7 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
             )
 
     # nodes in the rings around singular edges and contacts
-    links = (*joints.values(), *structure.ties)
+    links: list[Joint | Tie] = [*joints.values(), *structure.ties]
     ends, depth = singular_edges(blocks, links, structure.fixed)
     radius = depth if config.ring.edges is None else np.full(len(depth), config.ring.edges)
     for name, nodes in sites.items():
