@@ -69,7 +69,7 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
     points, cells, tags = _elements(config, lines, owner)
     owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
     facets = [boundary_facets(cells[owner == n], config.element) for n in range(len(config.block_names))]
-    # True for facets that two blocks have, block by block
+    # for each block, True for its facets that another block has too
     key = row_numbers(np.sort(np.vstack(facets), axis=1))
     _, number, count = np.unique(key, return_inverse=True, return_counts=True)
     shared = np.split(count[number] > 1, np.cumsum([len(of_block) for of_block in facets])[:-1])
@@ -102,7 +102,7 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
 def _lines(config: GravityDamConfig, location: str) -> _Lines:
     z = _rows(config, location)
     walls = np.array([config.walls(max(level, config.lowest)) for level in z])
-    # elements between the faces, or between these and the walls of a gallery
+    # numbers of elements between the faces, or between the faces and the walls of a gallery
     through, parts = config.divisions.through, config.divisions.parts
     columns = [through * parts]
     if config.gallery is not None:

@@ -105,8 +105,8 @@ def rigid_motions(block: Block, nodes: Ints | None = None) -> Floats:
     """Displacement of nodes (all by default) in the six rigid motions of a block, (n, 3, 6).
 
     Rotations are about the block's centre and scaled by its half diagonal, so that all motions are
-    of order one. Of a block with matrices they are those of the matrices' unknowns, rotations among them;
-    coordinates of other kinds follow with the least strain.
+    of order one. For a block from matrices they are those of its unknowns, rotations included; internal
+    unknowns follow with the least strain energy.
     """
     matrices = block.matrices
     follow = matrices is not None and bool((matrices.motion > 5).any())
@@ -154,7 +154,7 @@ def _placed(block: Block, nodes: Ints, first: Ints, width: int) -> Floats:
 
 
 def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
-    """Few rows that span what supports, springs and a block's matrices stop of its motions."""
+    """Rows that span the motions of a block which supports, springs or its stiffness matrix prevent."""
     matrices = block.matrices
     held = (held if matrices is None else held & ~matrices.absent) | sprung(block)
     nodes = np.flatnonzero(held.any(axis=1))
@@ -162,7 +162,7 @@ def _stopped(block: Block, held: Bools, first: Ints, width: int) -> Floats:
     if matrices is not None:
         motions = _placed(block, np.arange(len(first)), first, width).reshape(-1, width)
         unknown, body = ~matrices.absent.ravel(), slice(first[0], first[0] + 6)
-        # motions that meet the stiffness
+        # rigid motions that strain the block
         force = (matrices.K @ motions)[unknown] / matrices.K.diagonal()[unknown, None]
         rows.append(np.where(np.abs(force) > _STRAINS, force, 0.0))
         # a projector on motions in which no unknown moves

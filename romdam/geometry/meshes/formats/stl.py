@@ -16,7 +16,7 @@ _VERTEX = re.compile(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", re.M)
 
 
 def read_stl(path: Path, location: str) -> MeshFile:
-    """Read triangles, which share no corners.
+    """Read the triangles of a file; no two of them share a corner.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def read_stl(path: Path, location: str) -> MeshFile:
         for a file that is damaged or truncated.
     """
     data, location = path.read_bytes(), f"{location}: {path}"
-    # the number of triangles gives the length of a binary file, whose header may begin like text
+    # the number of triangles gives the length of a binary file, whose header may begin with "solid" too
     count = int.from_bytes(data[_HEADER - 4 : _HEADER], "little")
     try:
         if len(data) == _HEADER + count * _RECORD.itemsize:
