@@ -79,7 +79,7 @@ def test_a_long_stage_that_is_piped_writes_whole_lines(monkeypatch):
     assert others and all(
         line.startswith("shaking: 25 %, 0:00:0") and line.endswith(" left") for line in others
     )
-    assert terminal._line("shaking", 30.0, 1, 4) == "shaking: 25 %, 0:00:30 elapsed, 0:01:30 left"
+    assert terminal.times(30.0, 1, 4) == "0:00:30 elapsed, 0:01:30 left"
     assert shown(console(False), quiet=True, seconds=0.3) == ""
 
 

@@ -31,6 +31,7 @@ _KINDS = {  # in the words of a configuration, not of Python
     "model_type": "must be a mapping such as {key: value}",
     "union_tag_not_found": "must be a name, or a mapping that says which, such as {step: detrend}",
 }
+SHAPES = ("number", "mapping", "list", "word")  # names of a union's branches in pydantic's locations
 _REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
 _REMEDIES = {
     "nu": "concrete has about 0.18, rock 0.2 to 0.3; at 0.5 a solid is incompressible",
@@ -96,59 +97,42 @@ def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) 
 
 
 def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel] | None) -> str:
-    key, kind = _key(path), item["type"]
+    """The mistake as key, what is wrong, the value, and the remedy."""
+    key, kind, context, value = "", item["type"], item.get("ctx", {}), item["input"]
+    for part in path:
+        if isinstance(part, int):
+            key += f"[{part}]"
+        elif part != "[key]":  # on one line, and not all of a long one
+            key += f".{part if part.isprintable() and 0 < len(part) <= _LONGEST else quote(part)}"
+    key = key.removeprefix(".")
     name = str(next((word for word in reversed(path) if isinstance(word, str)), ""))
     if kind == "extra_forbidden":
-        return f"{key} is not a known key{_closest(name, owner)}"
+        known = sorted(owner.model_fields) if owner is not None else []
+        remedy = f"; known here: {', '.join(known)}" if known else ""
+        if close := difflib.get_close_matches(name[:_LONGEST], known, n=1):
+            remedy = f"; did you mean {close[0]!r}?"
+        return f"{key} is not a known key{remedy}"
     if kind == "missing":
         return f"{key} is missing and has no default; add it{_MISSING.get(name, '')}"
-    message = f"{_message(item)}{_got(item)}"
+    if kind in _LIMITS:
+        message = _LIMITS[kind].format(**context)
+    elif kind == "too_short":
+        message = f"must have at least {context['min_length']} entry"
+    elif kind == "union_tag_invalid":
+        message = f"no such {context['discriminator'].strip(chr(39))}; known are {context['expected_tags']}"
+    elif kind in _KINDS:
+        message = _KINDS[kind]
+    else:
+        message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
+        message = message[:1].lower() + message[1:]
+    # the value, unless the message quotes it or it is a whole section of the file
+    quoted = isinstance(value, str) and quote(value) in item["msg"]
+    got = f", got {quote(value)}"
+    if not isinstance(value, dict | BaseModel) and not quoted and not item["msg"].endswith(got):
+        message += got
     remedy = f"; {_REMEDIES[name]}" if kind in _REMEDIED and name in _REMEDIES else ""
     joint = " " if message.startswith("must ") else ": "
     return f"{key}{joint}{message}{remedy}".removeprefix(": ")
-
-
-def _message(item: Mapping[str, Any]) -> str:
-    kind, ctx = item["type"], item.get("ctx", {})
-    if kind in _LIMITS:
-        return _LIMITS[kind].format(**ctx)
-    if kind == "too_short":
-        return f"must have at least {ctx['min_length']} entry"
-    if kind == "union_tag_invalid":
-        return f"no such {ctx['discriminator'].strip(chr(39))}; known are {ctx['expected_tags']}"
-    if kind in _KINDS:
-        return _KINDS[kind]
-    message = str(item["msg"]).removeprefix("Value error, ").replace("Input should be", "must be")
-    return message[:1].lower() + message[1:]
-
-
-def _got(item: Mapping[str, Any]) -> str:
-    """The value given, unless the message quotes it or it is a whole section of the file."""
-    value = item["input"]
-    if isinstance(value, dict | BaseModel) or (isinstance(value, str) and quote(value) in item["msg"]):
-        return ""
-    got = f", got {quote(value)}"
-    return "" if item["msg"].endswith(got) else got
-
-
-def _key(path: Location) -> str:
-    parts = (f"[{p}]" if isinstance(p, int) else f".{_cut(p)}" for p in path if p != "[key]")
-    return "".join(parts).removeprefix(".")
-
-
-def _cut(name: str) -> str:
-    """A key as messages name it: on one line, and not all of a long one."""
-    if name.isprintable() and 0 < len(name) <= _LONGEST:
-        return name
-    return quote(name)
-
-
-def _closest(name: str, owner: type[BaseModel] | None) -> str:
-    known = sorted(owner.model_fields) if owner is not None else []
-    close = difflib.get_close_matches(name[:_LONGEST], known, n=1)
-    if close:
-        return f"; did you mean {close[0]!r}?"
-    return f"; known here: {', '.join(known)}" if known else ""
 
 
 def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseModel] | None]:
@@ -161,26 +145,16 @@ def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseMode
     types, path, owner = [root], [], None
     for key in loc:
         step, model = _step(types, key)
-        known = step is not None or (key == loc[-1] and _could_be_key(types, key))
-        if not known:
-            continue
+        if step is None:  # an unknown key at the end of a location, or the name of a union's branch
+            names = {getattr(t, "__name__", "") for t in types}
+            if not isinstance(key, str) or key != loc[-1] or not any(_is_model(t) for t in types):
+                continue
+            if key in names or key in SHAPES or key.startswith(("function-", "literal[", "tuple[")):
+                continue
         path.append(key)
         owner = model or next((t for t in types if _is_model(t)), None)
         types = step or []
     return tuple(path), owner
-
-
-def _could_be_key(types: list[Any], key: int | str) -> bool:
-    """Tell an unknown key at the end of a location from the name of a union's branch."""
-    return isinstance(key, str) and any(_is_model(t) for t in types) and not _is_branch(key, types)
-
-
-def _is_branch(key: str, types: list[Any]) -> bool:
-    names = {getattr(t, "__name__", "") for t in types}
-    return key in names or key in SHAPES or key.startswith(("function-", "literal[", "tuple["))
-
-
-SHAPES = ("number", "mapping", "list", "word")
 
 
 def _step(types: list[Any], key: int | str) -> tuple[list[Any] | None, type[BaseModel] | None]:

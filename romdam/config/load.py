@@ -137,11 +137,16 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
         for a file that cannot be read or is not YAML, and for unknown, missing or wrong keys.
     """
     if isinstance(source, Mapping | Config):
-        return _made(source, Path(folder or "."))
+        content = source
+        if isinstance(source, Config):
+            content = source.model_dump(mode="json", exclude_unset=True)
+        raw, renamed = with_present_names(plain(content, MADE), MADE)
+        assert isinstance(raw, dict)
+        base = Path(folder or ".")
+        return Job(parse_config(raw, MADE, folder=base), Path(MADE), renamed, raw, base)
     if folder is not None:
-        raise ConfigError(
-            f"folder: is for a mapping or a Config; paths in {_named(source)} start where it is"
-        )
+        name = source.path if isinstance(source, Job) else source
+        raise ConfigError(f"folder: is for a mapping or a Config; paths in {name} start where it is")
     if isinstance(source, Job):
         return source
     if not isinstance(source, str | Path):
@@ -149,17 +154,6 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
     path = Path(source)
     raw, renamed = with_present_names(read_yaml(path), str(path))
     return Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed)
-
-
-def _made(source: Mapping[str, Any] | Config, folder: Path) -> Job:
-    content = source.model_dump(mode="json", exclude_unset=True) if isinstance(source, Config) else source
-    raw, renamed = with_present_names(plain(content, MADE), MADE)
-    assert isinstance(raw, dict)
-    return Job(parse_config(raw, MADE, folder=folder), Path(MADE), renamed, raw, folder)
-
-
-def _named(source: Job | str | Path) -> str:
-    return str(source.path if isinstance(source, Job) else source)
 
 
 def parse_config(

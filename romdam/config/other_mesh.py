@@ -8,7 +8,6 @@ from typing import TypeVar
 from romdam.config.load import Job
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.geometry.refinement import Divisions
-from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError
 
 _QUADRATIC = {"hex8": "hex20", "tet4": "tet10"}
@@ -41,7 +40,10 @@ def on_coarser_mesh(job: Job) -> Job:
     config = job.config
     for name, block in config.blocks.items():
         if block.box is not None:
-            for axis, count in zip("xyz", _counts(block.box), strict=True):
+            wanted = block.box.element_size
+            sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
+            for axis, length, size in zip("xyz", block.box.size, sizes, strict=True):
+                count = length / size
                 if round(count) % 2:
                     why = f"has {count:g} elements along {axis}, which cannot be halved"
                     _refuse_coarser(f"{job.path}: blocks.{name}.box", why)
@@ -107,14 +109,8 @@ def _refuse_bound_to_mesh(job: Job) -> None:
 
 
 def _refuse_coarser(location: str, why: str) -> None:
+    """Raise for what has no mesh of elements twice the size."""
     raise ConfigError(f"{location}: {why}; compare with a finer mesh instead (`romdam verify --mesh finer`)")
-
-
-def _counts(box: BoxConfig) -> tuple[float, ...]:
-    """Elements along x, y and z."""
-    wanted = box.element_size
-    sizes = (wanted,) * 3 if isinstance(wanted, float) else wanted
-    return tuple(length / size for length, size in zip(box.size, sizes, strict=True))
 
 
 def _on_other_mesh(job: Job, *, finer: bool) -> Job:
@@ -122,7 +118,10 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
     config, blocks = job.config, dict(job.config.blocks)
     for name, block in blocks.items():
         if block.box is not None:
-            blocks[name] = block.model_copy(update={"box": _box(block.box, 0.5 if finer else 2.0)})
+            size, factor = block.box.element_size, 0.5 if finer else 2.0
+            other = factor * size if isinstance(size, float) else tuple(factor * edge for edge in size)
+            box = block.box.model_copy(update={"element_size": other})
+            blocks[name] = block.model_copy(update={"box": box})
         elif block.mesh is not None:
             blocks[name] = block.model_copy(update={"mesh": _refined(block.mesh, finer=finer)})
     changed: dict[str, object] = {"blocks": blocks}
@@ -145,11 +144,6 @@ def _of_another_mesh(job: Job, changed: dict[str, object]) -> Job:
     return replace(job, config=job.config.model_copy(update=changed | {"outputs": outputs}))
 
 
-def _box(box: BoxConfig, factor: float) -> BoxConfig:
-    size = box.element_size
-    other = factor * size if isinstance(size, float) else tuple(factor * edge for edge in size)
-    return box.model_copy(update={"element_size": other})
-
-
 def _refined(mesh: MeshT, *, finer: bool) -> MeshT:
+    """The mesh refined once more, or once less."""
     return mesh.model_copy(update={"refine": mesh.refine + (1 if finer else -1)})

@@ -128,16 +128,13 @@ def si_value(key: VariedKey, value: float | str, name: str, source: str) -> floa
 
 @cache
 def _adapter(key: VariedKey) -> TypeAdapter[Any]:
-    return TypeAdapter(_annotation(key))
-
-
-def _annotation(key: VariedKey) -> Any:
-    """Type of what the place's key takes."""
+    """Reader of what the key takes."""
     if key.parameter is not None:
-        return annotation(key.parameter)
+        return TypeAdapter(annotation(key.parameter))
     owner = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
     field = owner.model_fields[key.keys[-1]]
-    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    return TypeAdapter(kind)
 
 
 def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, float], source: str) -> Varied:
@@ -158,8 +155,14 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
     damping = config.damping.model_dump(mode="json", exclude_none=True)
     for name, parameter in places.items():
         value = "rigid" if values[name] == float("inf") else float(values[name])
-        for target in [raw[joint] for joint in parameter.joints] if parameter.joints else [damping]:
-            _put(target, parameter.keys, value)
+        for section in [raw[joint] for joint in parameter.joints] if parameter.joints else [damping]:
+            target = section
+            *sections, last = parameter.keys
+            for key in sections:
+                inner = target.get(key)
+                target[key] = dict(inner) if isinstance(inner, dict) else {}
+                target = target[key]
+            target[last] = value
     stated = ", ".join(f"{name} = {value:g}" for name, value in values.items())
     joints = {
         name: _checked(JointConfig, properties, f"{source}: sample {stated}: joints.{name}")
@@ -168,15 +171,8 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
     return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {stated}: damping"))
 
 
-def _put(target: dict[str, Any], keys: tuple[str, ...], value: object) -> None:
-    for key in keys[:-1]:
-        inner = target.get(key)
-        target[key] = dict(inner) if isinstance(inner, dict) else {}
-        target = target[key]
-    target[keys[-1]] = value
-
-
 def _checked(model: type[Section], raw: object, source: str) -> Section:
+    """The section that a mapping makes, or its mistakes as a ConfigError."""
     try:
         return model.model_validate(raw)
     except ValidationError as error:

@@ -114,7 +114,60 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
 
 def check_assumptions(config: Config) -> tuple[str, ...]:
     """Tell what is unusual in a configuration, a line for each with key, value and what is usual."""
-    return (*_unusual(config, ""), *_gravity(config), *_units(config), *_water(config), *_unused(config))
+    remarks = [*_unusual(config, "")]
+    loads, gravity, water = config.loads, config.loads.gravity, config.water
+    if gravity is not None and gravity[2] == 0.0 and (loads.hydrostatic or loads.joint_water):
+        remarks.append(
+            f"loads.gravity: {list(gravity)} m/s2 has no vertical part; still water and water in joints "
+            f"weigh with {loads.gravity_of_water:g} m/s2 (leave them out for none)"
+        )
+    if gravity is not None and any(gravity):
+        size = math.hypot(*gravity)
+        if gravity[2] >= 0.0:
+            downwards = "z is up, [0, 0, -9.81] makes weight"
+            remarks.append(f"loads.gravity: {list(gravity)} m/s2 does not point down; {downwards}")
+        if not 9.7 <= size <= 9.9:
+            remarks.append(f"loads.gravity: its size is {size:g} m/s2, on earth it is 9.81 m/s2")
+    for i, record in enumerate(config.records):
+        factor = 1.0 if record.unit is None else unit_in_si(record.unit)
+        if not 1e-4 <= factor <= 10.0:
+            remarks.append(
+                f"records[{i}].unit: one unit is {factor:g} m/s2, which is unusual: files are in g, m/s2, "
+                "cm/s2 or mm/s2; is the unit right?"
+            )
+    for i, still in enumerate(loads.hydrostatic):
+        if water is not None and still.level != water.level:
+            remarks.append(
+                f"loads.hydrostatic[{i}].level: {still.level:g} m is not water.level, "
+                f"{water.level:g} m; is it the same reservoir?"
+            )
+
+    # keys that are given and do nothing
+    model, transient = config.model, config.transient
+    if model.order == "full":
+        for key in ("modes", "cutoff", "residual_vectors", "solver"):
+            if key in model.model_fields_set:
+                remedy = "leave it out, or set order: reduced"
+                remarks.append(f"model.{key}: does nothing at full order; {remedy}")
+    for name, entry in INTEGRATORS.items():
+        for key in entry.keys:
+            if transient.integrator not in (None, name) and key in transient.model_fields_set:
+                remarks.append(f"transient.{key}: does nothing with {transient.integrator}, but with {name}")
+    if config.pipeline == "run" and config.suite is not None:
+        remarks.append("suite: does nothing with pipeline: run; set pipeline: suite, or leave it out")
+    if loads.weight == "staged" and gravity is None:
+        remarks.append("loads.weight: staged does nothing without loads.gravity; give gravity: [0, 0, -9.81]")
+    varied = [parameter.path for parameter in (config.suite.parameters if config.suite else {}).values()]
+    for name, joint in config.every_joint.items():
+        waits = any(path.startswith((f"joints.{name}.", "joints.*.")) for path in varied)
+        if joint.has_idle_shear and not waits:
+            remarks.append(
+                f"joints.{name}.shear_stiffness: does nothing by itself (but in `romdam modes --joints "
+                "bonded`): it acts up to a limit that friction, cohesion or a shear_key gives; give one of "
+                "these (friction: 0 says that none is meant), or, for an elastic joint, tension_stiffness "
+                "equal to normal_stiffness"
+            )
+    return tuple(remarks)
 
 
 def _unusual(model: BaseModel, path: str) -> Iterator[str]:
@@ -147,70 +200,3 @@ def _values(value: object, path: str) -> Iterator[tuple[str, object]]:
             yield from _values(inner, path if alike else f"{path}[{i}]")
     else:
         yield path, value
-
-
-def _gravity(config: Config) -> Iterator[str]:
-    loads, gravity = config.loads, config.loads.gravity
-    if gravity is None:
-        return
-    if gravity[2] == 0.0 and (loads.hydrostatic or loads.joint_water):
-        yield (
-            f"loads.gravity: {list(gravity)} m/s2 has no vertical part; still water and water in joints "
-            f"weigh with {loads.gravity_of_water:g} m/s2 (leave them out for none)"
-        )
-    if not any(gravity):
-        return
-    size = math.hypot(*gravity)
-    if gravity[2] >= 0.0:
-        yield f"loads.gravity: {list(gravity)} m/s2 does not point down; z is up, [0, 0, -9.81] makes weight"
-    if not 9.7 <= size <= 9.9:
-        yield f"loads.gravity: its size is {size:g} m/s2, on earth it is 9.81 m/s2"
-
-
-def _units(config: Config) -> Iterator[str]:
-    for i, record in enumerate(config.records):
-        factor = 1.0 if record.unit is None else unit_in_si(record.unit)
-        if not 1e-4 <= factor <= 10.0:
-            yield (
-                f"records[{i}].unit: one unit is {factor:g} m/s2, which is unusual: files are in g, m/s2, "
-                "cm/s2 or mm/s2; is the unit right?"
-            )
-
-
-def _water(config: Config) -> Iterator[str]:
-    if config.water is None:
-        return
-    for i, still in enumerate(config.loads.hydrostatic):
-        if still.level != config.water.level:
-            yield (
-                f"loads.hydrostatic[{i}].level: {still.level:g} m is not water.level, "
-                f"{config.water.level:g} m; is it the same reservoir?"
-            )
-
-
-def _unused(config: Config) -> Iterator[str]:
-    """Keys that are given and do nothing."""
-    model, set_keys = config.model, config.model.model_fields_set
-    if model.order == "full":
-        for key in ("modes", "cutoff", "residual_vectors", "solver"):
-            if key in set_keys:
-                yield f"model.{key}: does nothing at full order; leave it out, or set order: reduced"
-    transient = config.transient
-    for name, entry in INTEGRATORS.items():
-        for key in entry.keys:
-            if transient.integrator not in (None, name) and key in transient.model_fields_set:
-                yield f"transient.{key}: does nothing with {transient.integrator}, but with {name}"
-    if config.pipeline == "run" and config.suite is not None:
-        yield "suite: does nothing with pipeline: run; set pipeline: suite, or leave it out"
-    if config.loads.weight == "staged" and config.loads.gravity is None:
-        yield "loads.weight: staged does nothing without loads.gravity; give gravity: [0, 0, -9.81]"
-    varied = [parameter.path for parameter in (config.suite.parameters if config.suite else {}).values()]
-    for name, joint in config.every_joint.items():
-        waits = any(path.startswith((f"joints.{name}.", "joints.*.")) for path in varied)
-        if joint.has_idle_shear and not waits:
-            yield (
-                f"joints.{name}.shear_stiffness: does nothing by itself (but in `romdam modes --joints "
-                "bonded`): it acts up to a limit that friction, cohesion or a shear_key gives; give one of "
-                "these (friction: 0 says that none is meant), or, for an elastic joint, tension_stiffness "
-                "equal to normal_stiffness"
-            )

@@ -179,7 +179,9 @@ def _parse(text: str, unit: str) -> float:
         raise ValueError(f"unknown unit in {quote(text)} (units are case-sensitive); {remedy}") from error
     if roots != _roots(registry, unit):
         what = f"a quantity in {unit}" if unit else "a number or a part of one"
-        raise ValueError(f"{quote(text)} is not {what}; {remedy}{_angular(roots)}")
+        if "radian" in roots:  # in place of a frequency in Hz or a ratio
+            remedy += "; an angle, or what turns in a second, is to be converted by hand"
+        raise ValueError(f"{quote(text)} is not {what}; {remedy}")
     return float(registry.Quantity(float(match[1]), unit_text).to(unit).magnitude)
 
 
@@ -197,22 +199,8 @@ def _roots(registry: pint.UnitRegistry[Any], unit: str) -> str:
     return str(none.units)
 
 
-def _angular(unit: str) -> str:
-    """Remedy for an angle or its rate in place of a frequency in Hz or a ratio."""
-    return "; an angle, or what turns in a second, is to be converted by hand" if "radian" in unit else ""
-
-
 def _si(unit: str) -> BeforeValidator:
     return BeforeValidator(partial(to_si, unit=unit))
-
-
-def _stated(unit: str) -> Any:
-    """A number that must be written with its unit, and is written so again."""
-    return Annotated[
-        float,
-        BeforeValidator(partial(to_si_stated, unit=unit)),
-        PlainSerializer(partial(with_unit, unit=unit), return_type=str),
-    ]
 
 
 def unit_of(validator: object) -> str | None:
@@ -256,7 +244,11 @@ Density = Annotated[float, _si("kg/m^3")]
 Mass = Annotated[float, _si("kg")]
 Force = Annotated[float, _si("N")]
 Acceleration = Annotated[float, _si("m/s^2")]
-GroundAcceleration: Any = _stated("m/s^2")  # of records, spectra and codes: commonly in g
+GroundAcceleration = Annotated[  # of records, spectra and codes: commonly in g, so written with its unit
+    float,
+    BeforeValidator(partial(to_si_stated, unit="m/s^2")),
+    PlainSerializer(partial(with_unit, unit="m/s^2"), return_type=str),
+]
 Velocity = Annotated[float, _si("m/s")]
 Dimensionless = Annotated[float, _si("")]
 Expansion = Annotated[float, _si("1/K")]

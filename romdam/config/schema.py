@@ -61,7 +61,11 @@ class _Generator(GenerateJsonSchema):
                 key["default"] = empty()
             unit = "".join(dict.fromkeys(f" [{unit_word}]" for unit_word in _units(key)))
             key["description"] = f"{meaning(model, name)}{unit}"
-        generated = _with_laws_of_users(generated)
+        if "law" in generated.get("properties", {}):  # whose keys only the file of a user's law knows
+            known = list(generated["properties"])
+            generated["properties"]["law"] |= {"type": ["string", "array", "object"]}
+            generated.pop("additionalProperties", None)
+            generated["anyOf"] = [{"required": ["law"]}, {"propertyNames": {"enum": known}}]
         return {"anyOf": [generated, model.short_form]} if model.short_form else generated
 
 
@@ -95,18 +99,6 @@ _SHORT_FORMS: dict[Any, Callable[[JsonSchemaValue], list[JsonSchemaValue]]] = {
     bare_step: _names_of_steps,
     named_chain: _names_of_chains,
 }
-
-
-def _with_laws_of_users(model: JsonSchemaValue) -> JsonSchemaValue:
-    """A joint with `law` may have the keys of that law, which only its file knows."""
-    if "law" not in model.get("properties", {}):
-        return model
-    known = list(model["properties"])
-    model["properties"]["law"] |= {"type": ["string", "array", "object"]}
-    return {
-        **{key: value for key, value in model.items() if key != "additionalProperties"},
-        "anyOf": [{"required": ["law"]}, {"propertyNames": {"enum": known}}],
-    }
 
 
 def schema() -> dict[str, Any]:

@@ -44,11 +44,13 @@ def _texts_in_source(model: type[BaseModel]) -> dict[str, str]:
     except (OSError, TypeError):  # made by pydantic, written nowhere
         return {}
     body = ast.parse(textwrap.dedent(source)).body[0].body  # type: ignore[attr-defined]
-    return {
-        key.target.id: " ".join(text.value.value.split())
-        for key, text in pairwise(body)
-        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and _is_text(text)
-    }
+    texts = {}
+    for key, below in pairwise(body):
+        constant = below.value if isinstance(below, ast.Expr) else None
+        text = constant.value if isinstance(constant, ast.Constant) else None
+        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name) and isinstance(text, str):
+            texts[key.target.id] = " ".join(text.split())
+    return texts
 
 
 def model_docstring(model: type[BaseModel]) -> str:
@@ -74,11 +76,3 @@ def _lone(annotation: Any) -> type[BaseModel] | None:
         return _lone(kinds[1])
     lone = len(kinds) == 1 or get_origin(annotation) is Annotated
     return _lone(kinds[0]) if lone and kinds else None
-
-
-def _is_text(node: ast.AST) -> bool:
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )

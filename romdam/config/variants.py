@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -42,18 +41,13 @@ def variant_jobs(job: Job) -> dict[str, Job]:
     jobs = {}
     for name, changes in comparison_of(job).variants.items():
         source = f"{job.path}: comparison.variants.{name}"
-        changed = _changed(whole, changes, source)
+        changed = copy.deepcopy(whole)
+        for path, value in changes.items():
+            _put(changed, path, value, source)
         mapping = None if job.given is None else changed
         config = parse_config(changed, source, folder=job.folder)
         jobs[name] = replace(job, config=config, renamed=(), given=mapping, scene_warnings=())
     return jobs
-
-
-def _changed(raw: dict[str, Any], changes: Mapping[str, Any], source: str) -> dict[str, Any]:
-    changed = copy.deepcopy(raw)
-    for path, value in changes.items():
-        _put(changed, path, value, source)
-    return changed
 
 
 def _put(raw: Any, path: str, value: Any, source: str) -> None:

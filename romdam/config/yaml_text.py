@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
@@ -169,37 +169,29 @@ def _foreign(call: Callable[[], Value], source: str) -> Value:
 
 
 def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
+    """The error of a mistake at a mark of the text."""
     position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     return ConfigError(f"{source}: not valid YAML{position}: {problem[:200]}")
 
 
 def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:
-    """Count the values and levels that a node stands for, its anchors written out; its parts are checked."""
-    if id(node) not in known:
-        known[id(node)] = (1, MOST_LEVELS + 1)  # what holds itself has no end
-        _refuse(node, source)
-        parts = [_measure(member, known, source) for member in _parts(node)]
-        known[id(node)] = (1 + sum(n for n, _ in parts), 1 + max((depth for _, depth in parts), default=0))
-    return known[id(node)]
+    """Count the values and levels that a node stands for, its anchors written out.
 
-
-def _parts(node: yaml.Node) -> Iterator[yaml.Node]:
-    for entry in () if isinstance(node, yaml.ScalarNode) else node.value:
-        yield from entry if isinstance(entry, tuple) else (entry,)
-
-
-def _hidden(character: str) -> bool:
-    return character not in "\n\t" and unicodedata.category(character) in ("Cc", "Cs")
-
-
-def _refuse(node: yaml.Node, source: str) -> None:
-    """Refuse tags, characters that nobody sees, and keys that are no text or given twice."""
+    Tags, characters that nobody sees, and keys that are no text or given twice are refused.
+    """
+    if id(node) in known:
+        return known[id(node)]
+    known[id(node)] = (1, MOST_LEVELS + 1)  # what holds itself has no end
     if node.tag not in _TAGS:
         tag = quote(node.tag.replace(_TAG, "!!"))
         raise _wrong(node.start_mark, f"the tag {tag} means nothing here; leave it out", source)
-    text = node.value if isinstance(node, yaml.ScalarNode) else ""
-    if hidden := next(filter(_hidden, text), ""):
-        raise _wrong(node.start_mark, f"the control character {hidden!r} in a text; remove it", source)
+    if isinstance(node, yaml.ScalarNode):
+        for character in node.value:
+            if character not in "\n\t" and unicodedata.category(character) in ("Cc", "Cs"):
+                problem = f"the control character {character!r} in a text; remove it"
+                raise _wrong(node.start_mark, problem, source)
+        known[id(node)] = (1, 1)
+        return 1, 1
     keys = set[str]()
     for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
         if key.tag not in _OF_TEXT or not isinstance(key, yaml.ScalarNode):
@@ -208,3 +200,10 @@ def _refuse(node: yaml.Node, source: str) -> None:
         if key.value in keys:
             raise _wrong(key.start_mark, f"key {quote(key.value)} is given twice; remove one", source)
         keys.add(key.value)
+    values, levels = 1, 0
+    for entry in node.value:
+        for member in entry if isinstance(entry, tuple) else (entry,):
+            count, depth = _measure(member, known, source)
+            values, levels = values + count, max(levels, depth)
+    known[id(node)] = (values, 1 + levels)
+    return known[id(node)]

@@ -46,7 +46,7 @@ class Stages:
     @contextmanager
     def __call__(self, text: str) -> Iterator[Callable[[int, int], None]]:
         if self._quiet:
-            yield _ignore
+            yield lambda done, total: None
             return
         text = printable(text)
         if not self._console.is_terminal:
@@ -85,7 +85,9 @@ def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
 
     def write() -> None:
         while not ended.wait(EVERY):
-            line = _line(text, time.monotonic() - begun, *state)
+            done, total = state
+            share = f"{100.0 * done / total:.0f} %, " if done > 0 and total > 0 else ""
+            line = f"{text}: {share}{times(time.monotonic() - begun, done, total)}"
             console.print(f"{time.strftime(STAMP)} {line}", soft_wrap=True, markup=False, highlight=False)
 
     def progress(done: int, total: int) -> None:
@@ -98,11 +100,6 @@ def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
     finally:
         ended.set()
         writer.join()
-
-
-def _line(text: str, seconds: float, done: int, total: int) -> str:
-    share = f"{100.0 * done / total:.0f} %, " if done > 0 and total > 0 else ""
-    return f"{text}: {share}{times(seconds, done, total)}"
 
 
 def times(seconds: float, done: float, total: float) -> str:
@@ -133,7 +130,21 @@ def open_terminal(quiet: bool = False, verbose: bool = False, as_json: bool = Fa
         raise ConfigError("--verbose: is the opposite of --quiet; give one of the two")
     errors = Console(stderr=True)
     output = Console(soft_wrap=True, highlight=False, emoji=False, markup=False, width=_WIDE, stderr=as_json)
-    _tell_log(errors, logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING)
+    # the log goes to stderr from a level on: coloured to a terminal, else whole lines with the time
+    level = logging.INFO if verbose else logging.ERROR if quiet else logging.WARNING
+    handler: logging.Handler = RichHandler(console=errors, show_path=False)
+    handler.setFormatter(_Plain("%(message)s"))
+    if not errors.is_terminal:
+        handler = logging.StreamHandler()
+        handler.setFormatter(_Plain("%(asctime)s %(levelname)s %(message)s", STAMP))
+
+    def wanted(record: logging.LogRecord) -> bool:
+        least = min(level, logging.INFO) if record.name == _COMPILING and level < logging.ERROR else level
+        return record.levelno >= least and not record.name.startswith(_ELSEWHERE)
+
+    handler.addFilter(wanted)
+    logging.basicConfig(level=level, handlers=[handler])
+    logging.getLogger(_COMPILING).setLevel(min(level, logging.INFO))
 
     def say(*lines: object) -> None:
         for line in lines:
@@ -161,24 +172,3 @@ class _Plain(logging.Formatter):
 
     def format(self, record: logging.LogRecord) -> str:
         return printable(super().format(record))
-
-
-def _tell_log(errors: Console, level: int) -> None:
-    """Write the log to stderr from a level on: coloured to a terminal, else whole lines with the time."""
-    handler: logging.Handler = RichHandler(console=errors, show_path=False)
-    handler.setFormatter(_Plain("%(message)s"))
-    if not errors.is_terminal:
-        handler = logging.StreamHandler()
-        handler.setFormatter(_Plain("%(asctime)s %(levelname)s %(message)s", STAMP))
-
-    def wanted(record: logging.LogRecord) -> bool:
-        least = min(level, logging.INFO) if record.name == _COMPILING and level < logging.ERROR else level
-        return record.levelno >= least and not record.name.startswith(_ELSEWHERE)
-
-    handler.addFilter(wanted)
-    logging.basicConfig(level=level, handlers=[handler])
-    logging.getLogger(_COMPILING).setLevel(min(level, logging.INFO))
-
-
-def _ignore(done: int, total: int) -> None:
-    """Show nothing."""

@@ -62,6 +62,7 @@ def print_document(command: str, document: Document) -> None:
 
 
 def _plain(value: Any) -> Any:
+    """The value as JSON has it."""
     if isinstance(value, Mapping):
         return {str(key): _plain(member) for key, member in value.items()}
     if isinstance(value, str | bool | int | None):
@@ -87,7 +88,10 @@ def check_document(check: Check, config: Path) -> Document:
         "memory_bytes": check.memory,
         "results_bytes": check.file_size,
         "frequencies_closed_Hz": check.closed_frequencies,
-        "blocks": {name: _renamed(_OF_A_BLOCK, block) for name, block in check.blocks.items()},
+        "blocks": {
+            name: {key: block.get(attribute) for attribute, key in _OF_A_BLOCK.items()}
+            for name, block in check.blocks.items()
+        },
         "joints": {
             name: {
                 "between": str(joint["between"]).split(" - "),
@@ -116,15 +120,17 @@ def check_document(check: Check, config: Path) -> Document:
     }
 
 
-def _renamed(names: Mapping[str, str], values: Mapping[str, object]) -> Document:
-    return {key: values.get(name) for name, key in names.items()}
-
-
 def info_document(dataset: xr.Dataset, path: Path) -> Document:
     """A result."""
     from romdam.postprocess.record_measures import stated_warnings
 
     attrs = dataset.attrs
+    prefix = "error_estimate_"
+    estimate = {
+        name.removeprefix(prefix): value
+        for name, value in attrs.items()
+        if name.startswith(prefix) and not isinstance(value, str)
+    }
     return {
         "result": path,
         "title": attrs["title"],
@@ -150,7 +156,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         if "joint" in dataset
         else {},
         "error": sentences(attrs),
-        "error_estimate": _numbers(attrs, "error_estimate_"),
+        "error_estimate": estimate,
         "certificate": _json(attrs, "certificate"),
         "verification": _json(attrs, "verification"),
         "warnings": stated_warnings(attrs),
@@ -160,6 +166,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
 
 
 def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
+    """Peaks and errors of a joint."""
     from romdam.postprocess.maxima import peak_opening_time
 
     of_joint = dataset.sel(joint=joint)
@@ -169,11 +176,6 @@ def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
         if name in of_joint and not of_joint[name].dims
     }
     return document | {_OF_A_JOINT["peak_opening_time"]: peak_opening_time(dataset, joint)}
-
-
-def _numbers(attrs: Mapping[str, Any], prefix: str) -> Document:
-    numbers = {name.removeprefix(prefix): value for name, value in attrs.items() if name.startswith(prefix)}
-    return {name: value for name, value in numbers.items() if not isinstance(value, str)}
 
 
 def _json(attrs: Mapping[str, Any], name: str) -> Any:
@@ -215,14 +217,15 @@ def comparison_document(compared: TwoResults, beyond: Sequence[str]) -> Document
 
 def cache_document(kept: Sequence[Entry], folder: Path, limit: float | None) -> Document:
     """Reduced blocks that are kept; those that were removed where there is no limit."""
+    stamp = "%Y-%m-%dT%H:%M:%SZ"
+    blocks = [
+        {"path": entry.path, "bytes": entry.size, "used": time.strftime(stamp, time.gmtime(entry.used))}
+        for entry in kept
+    ]
     return {
         "folder": folder,
         "removed": limit is None,
         "bytes": sum(entry.size for entry in kept),
         "limit_bytes": limit,
-        "blocks": [{"path": entry.path, "bytes": entry.size, "used": _utc(entry.used)} for entry in kept],
+        "blocks": blocks,
     }
-
-
-def _utc(seconds: float) -> str:
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds))

@@ -23,22 +23,18 @@ if TYPE_CHECKING:
 def check_lines(check: Check) -> list[str]:
     """Frequencies and cost of a job that was checked, its warnings, and what is left to a run."""
     closed = ", ".join(f"{freq:.4g}" for freq in check.closed_frequencies)
+    time_text = "time unknown"
+    if check.costs:
+        each = ", ".join(f"{name} {seconds:.2g}" for name, seconds in check.costs.items() if seconds > 0.0)
+        time_text = f"about {check.seconds:.2g} s of CPU beside the reduction ({each})"
     return [
         *([f"joints closed: {closed} Hz, undamped"] if closed else []),
         *check.solvers,
-        f"{check.unknowns} unknowns; {_time(check.costs, check.seconds)}, "
+        f"{check.unknowns} unknowns; {time_text}, "
         f"{check.memory / 1e6:.0f} MB of memory, up to {check.file_size / 1e6:.0f} MB of results",
         *(f"warning: {text}" for text in check.warnings),
         *(f"not checked: {text}" for text in check.skipped),
     ]
-
-
-def _time(costs: Mapping[str, float], whole: float) -> str:
-    """Say what a run takes, and what of it takes how long."""
-    if not costs:
-        return "time unknown"
-    each = ", ".join(f"{name} {seconds:.2g}" for name, seconds in costs.items() if seconds > 0.0)
-    return f"about {whole:.2g} s of CPU beside the reduction ({each})"
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:
@@ -68,12 +64,11 @@ def cache_lines(kept: list[Entry], folder: Path, limit: float | None) -> list[st
     size = shown_size(sum(entry.size for entry in kept))
     if limit is None:
         return [f"removed: {len(kept)} reduced blocks, {size}, from {folder}"]
-    lines = [f"{_date(entry.used)}  {shown_size(entry.size):>7}  {entry.path}" for entry in kept]
+    lines = []
+    for entry in kept:
+        used = time.strftime("%Y-%m-%d %H:%M", time.localtime(entry.used))
+        lines.append(f"{used}  {shown_size(entry.size):>7}  {entry.path}")
     return [*lines, f"{len(kept)} reduced blocks, {size} of at most {shown_size(limit)}, in {folder}"]
-
-
-def _date(seconds: float) -> str:
-    return time.strftime("%Y-%m-%d %H:%M", time.localtime(seconds))
 
 
 def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
@@ -100,7 +95,7 @@ _DONE = {"estimate": "estimated", "certificate": "certified"}
 
 def _error_lines(attrs: Mapping[str, object]) -> list[str]:
     """State what was measured against the mesh, then what was estimated or certified."""
-    from romdam.error.statement import sentences
+    from romdam.error.statement import opening_errors, sentences
 
     stated = dict(sentences(attrs))
     measured, mesh = stated.pop("verification", ""), stated.pop("discretisation", "")
@@ -113,18 +108,12 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
     if not mesh:
         mesh = "its error, often the largest, is not known; `romdam verify CONFIG --mesh finer` states it"
         return [*lines, f"mesh           {mesh}"]
-    return [*lines, f"mesh           {mesh}", f"total          {_total_error(attrs)}"]
-
-
-def _total_error(attrs: Mapping[str, object]) -> str:
-    """Sum the errors of the openings in L2 that are known: mesh, modes, steps."""
-    from romdam.error.statement import opening_errors
-
-    parts = opening_errors(attrs)
+    parts = opening_errors(attrs)  # in L2, of mesh, modes and steps, as far as they are known
     unknown = [name for name in ("mesh", "modes", "steps") if name not in parts]
-    total = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
+    each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
     more = f"; of {' and '.join(unknown)} unknown" if unknown else ""
-    return f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {total}{more}"
+    total = f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {each}{more}"
+    return [*lines, f"mesh           {mesh}", f"total          {total}"]
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:
@@ -143,23 +132,18 @@ def _of_the_run(dataset: xr.Dataset) -> str:
     """State what `romdam check` leaves to the run: convergence, the ledger, what time stepping took."""
     attrs = dataset.attrs
     residual, ledger = (attrs.get(f"solver_{name}") for name in ("largest_residual", "ledger_imbalance"))
-    lines = [
-        "" if residual is None else f"every step converged, residual at most {float(str(residual)):.2g}",
-        "" if ledger is None else f"energy ledger closed within {float(str(ledger)):.2g} of the energy",
-        _taken(dataset),
-    ]
-    return "; ".join(filter(None, lines)) or "not stated by the version that wrote it"
-
-
-def _taken(dataset: xr.Dataset) -> str:
-    """State what time stepping took of the energy put in, at the end; empty where that is little."""
-    if "energy_contact" not in dataset or "energy_input" not in dataset:
-        return ""
-    put_in, taken = (float(dataset[f"energy_{name}"][-1]) for name in ("input", "contact"))
-    if "energy_numerical" in dataset:  # only their sum is never negative
-        taken += float(dataset.energy_numerical[-1])
-    much = put_in > 0.0 and taken > _MUCH * put_in
-    return f"time stepping took {100 * taken / put_in:.2g} % of the energy put in" if much else ""
+    lines = []
+    if residual is not None:
+        lines.append(f"every step converged, residual at most {float(str(residual)):.2g}")
+    if ledger is not None:
+        lines.append(f"energy ledger closed within {float(str(ledger)):.2g} of the energy")
+    if "energy_contact" in dataset and "energy_input" in dataset:
+        put_in, taken = (float(dataset[f"energy_{name}"][-1]) for name in ("input", "contact"))
+        if "energy_numerical" in dataset:  # only their sum is never negative
+            taken += float(dataset.energy_numerical[-1])
+        if put_in > 0.0 and taken > _MUCH * put_in:
+            lines.append(f"time stepping took {100 * taken / put_in:.2g} % of the energy put in")
+    return "; ".join(lines) or "not stated by the version that wrote it"
 
 
 def info_lines(dataset: xr.Dataset) -> list[str]:

@@ -13,7 +13,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -78,7 +78,9 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
     except BaseException as error:
         code = exit_code(error)
         if not hasattr(error, "exit_code"):  # else what is wrong is said already
-            SAID.error("%s", _what(error))
+            told = isinstance(error, RomdamError) or not isinstance(error, Exception)
+            text = str(error) or type(error).__name__
+            SAID.error("%s", text if told else traceback.format_exc().rstrip())  # else the program's mistake
         raise
     finally:
         wall, cpu = time.perf_counter() - begun[0], time.process_time() - begun[1]
@@ -88,13 +90,6 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
         root.setLevel(before[1])
         root.removeHandler(file)
         file.close()
-
-
-def _what(error: BaseException) -> str:
-    """Text on what ended a run; of a mistake in the program all that is known."""
-    if isinstance(error, RomdamError) or not isinstance(error, Exception):
-        return str(error) or type(error).__name__
-    return traceback.format_exc().rstrip()
 
 
 def _new_file(folder: Path, name: str) -> Path:
@@ -119,12 +114,8 @@ def _head(config: Path) -> Iterator[str]:
     yield f"folder: {os.getcwd()}; configuration: {config.absolute()}"
     threads = ", ".join(f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ)
     yield f"process {os.getpid()}, {os.cpu_count()} cores{'; ' if threads else ''}{threads}"
-    yield f"libraries: {', '.join(_versions())}"
-
-
-def _versions() -> Iterator[str]:
+    versions = []
     for name in _LIBRARIES:
-        try:
-            yield f"{name} {version(name)}"
-        except PackageNotFoundError:
-            continue
+        with suppress(PackageNotFoundError):
+            versions.append(f"{name} {version(name)}")
+    yield f"libraries: {', '.join(versions)}"

@@ -188,17 +188,14 @@ def check_tables(check: Check) -> list[Table]:
     return [blocks, joints, *([ties] if check.ties else []), records]
 
 
-def _scale_unit(summary: xr.Dataset) -> tuple[str, float]:
-    """Heading of what records are scaled by, or to, and the unit of its numbers."""
-    units = str(summary.scale.attrs.get("units", "1"))
-    if units == "1":
-        return "scale factor", 1.0
-    return ("scaled to [g]", to_si("1 g", "m/s^2")) if units == "m s-2" else (f"scaled to [{units}]", 1.0)
-
-
 def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
-    what, unit = _scale_unit(summary)
+    units = str(summary.scale.attrs.get("units", "1"))
+    what, unit = f"scaled to [{units}]", 1.0
+    if units == "1":
+        what = "scale factor"
+    elif units == "m s-2":
+        what, unit = "scaled to [g]", to_si("1 g", "m/s^2")
     table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
     failed = (summary.status > 0).sum(("record", "sample"))
     for joint in summary.joint.values if "peak_opening" in summary else ():
@@ -213,7 +210,11 @@ def suite_table(summary: xr.Dataset) -> Table:
 def certificate_table(statement: Mapping[str, Any]) -> Table:
     """Errors of a certificate in the run, and for the same joint forces; of a sample their intervals."""
     if "within" in statement:
-        return _interval_table(statement["within"])
+        table = _table("Certificate, from a sample", ("quantity",), ("error L2 [%]", "at the peak [%]"))
+        for name, error in statement["within"].items():
+            intervals = (" to ".join(f"{100 * v:.2g}" for v in error[norm]) for norm in ("l2", "peak"))
+            table.add_row(name, *intervals)
+        return table
     table = _table(
         "Certificate", ("quantity",), ("error L2 [%]", "at the peak", "same forces L2 [%]", "at the peak")
     )
@@ -221,13 +222,6 @@ def certificate_table(statement: Mapping[str, Any]) -> Table:
     for name, error in statement["error"].items():
         values = (error["l2"], error["peak"], same[name]["l2"], same[name]["peak"])
         table.add_row(name, *(f"{100 * value:.2g}" for value in values))
-    return table
-
-
-def _interval_table(within: Mapping[str, Any]) -> Table:
-    table = _table("Certificate, from a sample", ("quantity",), ("error L2 [%]", "at the peak [%]"))
-    for name, error in within.items():
-        table.add_row(name, *(" to ".join(f"{100 * v:.2g}" for v in error[norm]) for norm in ("l2", "peak")))
     return table
 
 
