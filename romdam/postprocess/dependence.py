@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import xarray as xr
 
@@ -50,7 +48,9 @@ def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Datas
     )
     data: dict[str, object] = {}
     for name, column in zip(_RELATIONS, np.moveaxis(table, 2, 0), strict=True):
-        data[name] = ("measure", _median(column), {"units": "1"})
+        finite = [row[np.isfinite(row)] for row in column]
+        medians = np.array([np.median(row) if len(row) else np.nan for row in finite])
+        data[name] = ("measure", medians, {"units": "1"})
         data[f"{name}_at_scale"] = (("measure", "scale"), column, {"units": "1"})
     statement = "neither response nor measures vary among the records of one scale"
     if np.isfinite(table[..., 0]).any():
@@ -64,17 +64,14 @@ def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Datas
     )
 
 
-def _median(values: Floats) -> Floats:
-    """Medians of the finite numbers of each row; NaN where there is none."""
-    return np.array([np.median(finite) if len(finite := row[np.isfinite(row)]) else np.nan for row in values])
-
-
 def _related(x: Floats, y: Floats) -> tuple[float, float, float, float, float]:
+    """Relate two variables: see `_RELATIONS` for what is returned, and `correlation` for what it means."""
     from scipy.stats import rankdata
 
     kept = np.isfinite(x) & np.isfinite(y)
     x, y = x[kept], y[kept]
-    if len(x) < _FEWEST or not _varies(x) or not _varies(y):
+    # differences within round-off are none
+    if len(x) < _FEWEST or any(np.ptp(values) <= 1e-12 * np.abs(values).max() for values in (x, y)):
         return (np.nan, np.nan, np.nan, np.nan, float(len(x)))
     spearman = float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
     if x.min() <= 0.0 or y.min() <= 0.0:
@@ -84,11 +81,6 @@ def _related(x: Floats, y: Floats) -> tuple[float, float, float, float, float]:
     left = y - level - slope * (x - x.mean())
     dispersion = float(np.sqrt(left @ left / max(len(x) - 2, 1)))
     return (spearman, float(np.corrcoef(x, y)[0, 1]), float(slope), dispersion, float(len(x)))
-
-
-def _varies(values: Floats) -> bool:
-    """Tell whether values differ by more than round-off."""
-    return bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 
 def sensitivity(
@@ -116,15 +108,26 @@ def sensitivity(
     there = np.isfinite(effect)
     varied = {n: v.values[there] for n, v in sampled.items() if len(np.unique(v.values[there])) > 1}
     count = int(there.sum())
+    if not names:
+        statement = "the suite varies no parameters"
+    elif not varied:
+        statement = "no parameter takes two values among the samples that ran"
+    elif count < len(varied) + 3:
+        needed = len(varied) + 3
+        statement = f"{count} samples are too few for {len(varied)} parameters; at least {needed} are needed"
+    elif np.ptp(effect[there]) <= 1e-12:
+        statement = "the response does not vary with the samples"
+    else:
+        statement = ""
     about = about_runs(summary, values) | {
         "samples": count,
         "effect": "of the logarithm" if logarithmic else "of the value",
         "bounds": f"bootstrap over samples, {RESAMPLES} resamples",
-        "statement": _no_sensitivity(names, varied, effect[there]),
+        "statement": statement,
     }
     table = np.full((2, 3, len(names)), np.nan)
     r_squared = np.nan
-    if not about["statement"]:
+    if not statement:
         columns = [names.index(n) for n in varied]
         strength, r_squared = _dependence(list(varied.values()), effect[there], confidence, seed)
         table[:, :, columns] = strength
@@ -148,17 +151,6 @@ def _effects(values: xr.DataArray) -> tuple[Floats, bool]:
     there = np.isfinite(y)
     total, count = np.where(there, y, 0.0).sum(axis=1), there.sum(axis=1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan), logarithmic
-
-
-def _no_sensitivity(names: list[str], varied: Mapping[str, Floats], effect: Floats) -> str:
-    if not names:
-        return "the suite varies no parameters"
-    if not varied:
-        return "no parameter takes two values among the samples that ran"
-    if len(effect) < len(varied) + 3:
-        needed = len(varied) + 3
-        return f"{len(effect)} samples are too few for {len(varied)} parameters; at least {needed} are needed"
-    return "" if np.ptp(effect) > 1e-12 else "the response does not vary with the samples"
 
 
 def _dependence(columns: list[Floats], effect: Floats, confidence: float, seed: int) -> tuple[Floats, float]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.postprocess.incremental import LEVELS
-from romdam.postprocess.lognormal import LognormalFit, Observations, fit_lognormal
+from romdam.postprocess.lognormal import Observations, fit_lognormal
 from romdam.postprocess.responses import Curve, about_runs, curves_of, intensity_of, response_of
 
 GROUPS, FEWEST = 8, 5  # groups of runs set beside a fit, and the fewest runs in one
@@ -56,14 +58,51 @@ def fragility(
     """
     values, measured = response_of(summary, response), intensity_of(summary, intensity)
     curves = curves_of(values, measured)
-    method = _method(method, curves)
-    about = about_runs(summary, values, measured) | {"method": method, "threshold": threshold}
+    if method not in ("auto", "capacities", "stripes"):
+        raise ResultError(f"{method}: is no method of a fragility; use auto, capacities or stripes")
+    if method == "auto":
+        method = "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
     seen = _observations(curves, threshold, method)
-    groups = _groups(curves, threshold) if method == "stripes" else _product_limit(seen)
+    about = about_runs(summary, values, measured) | {
+        "method": method,
+        "threshold": threshold,
+        "observations": seen.count,
+        "exceeding": len(seen.known) + len(seen.below),
+        "interpolated": len(seen.known),
+        "confidence": confidence,
+        "bounds": "profile likelihood",
+        "statement": "",
+    }
+    unit, nothing = {"units": measured.attrs.get("units", "1")}, (np.nan, np.nan)
+    x = measured.values[np.isfinite(measured.values) & (measured.values > 0.0)]
+    ends = (float(x.min()), 1.2 * float(x.max())) if x.size else (1.0, 1.0)
+    levels = np.geomspace(*ends, LEVELS)
+    (theta, beta), bounds = nothing, (nothing, nothing)
+    try:
+        fit = fit_lognormal(seen)
+    except ValueError as error:
+        about["statement"] = str(error)
+        share, band = np.full(len(levels), np.nan), np.full((len(levels), 2), np.nan)
+    else:
+        # most levels stand where the fit goes from 0 to 1
+        rise = fit.theta * np.exp(fit.beta * np.linspace(-3.5, 3.5, LEVELS))
+        levels = np.unique(np.concatenate([ends, rise[(rise > ends[0]) & (rise < ends[1])]]))
+        theta, beta = fit.theta, fit.beta
+        bounds = (fit.theta_bounds(confidence), fit.beta_bounds(confidence))
+        share, band = fit.probability(levels), fit.probability_bounds(levels, confidence)
+    data: dict[str, tuple[Any, ...]] = {
+        "theta": ((), theta, unit | {"long_name": "median intensity at the threshold"}),
+        "beta": ((), beta, {"units": "1", "long_name": "logarithmic standard deviation"}),
+        "theta_bounds": ("bound", np.array(bounds[0]), unit),
+        "beta_bounds": ("bound", np.array(bounds[1]), {"units": "1"}),
+        "probability": ("level", share, {"units": "1", "long_name": "probability of exceedance"}),
+        "probability_bounds": (("level", "bound"), band, {"units": "1"}),
+    }
+    coords = {"level": ("level", levels, dict(measured.attrs)), "bound": np.array(["lower", "upper"])}
+    groups = _groups(curves, threshold) if method == "stripes" else product_limit(seen)
     names = ("group_intensity", "group_share", "group_count")
-    empirical = {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
-    fitted = _fragility_dataset(seen, confidence, measured)
-    return fitted.assign(empirical).assign_attrs(about | fitted.attrs)
+    data |= {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
+    return xr.Dataset(data, coords, about)
 
 
 def none_exceeds(records: int) -> float:
@@ -79,14 +118,6 @@ def none_exceeds(records: int) -> float:
     Hanley, Lippman-Hand, If nothing goes wrong, is everything all right?, JAMA 249(13), 1983, 1743-1745.
     """
     return float(1.0 - _DOUBT ** (1.0 / records))
-
-
-def _method(asked: str, curves: list[Curve]) -> str:
-    if asked not in ("auto", "capacities", "stripes"):
-        raise ResultError(f"{asked}: is no method of a fragility; use auto, capacities or stripes")
-    if asked != "auto":
-        return asked
-    return "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
 
 
 def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
@@ -106,7 +137,7 @@ def _observations(curves: list[Curve], threshold: float, method: str) -> Observa
     return Observations(*(np.log(np.array(members, dtype=float)) for members in (known, below, above)))
 
 
-def _product_limit(seen: Observations) -> Floats:
+def product_limit(seen: Observations) -> Floats:
     """(n, 3) capacities, the share at or below each by the product-limit estimate, and how many are equal.
 
     A capacity that lies below a record's smallest intensity is taken to stand there.
@@ -125,51 +156,8 @@ def _groups(curves: list[Curve], threshold: float) -> Floats:
     order = np.argsort(x, kind="stable")
     levels, where, counts = np.unique(np.round(np.log(x), 9), return_inverse=True, return_counts=True)
     if len(levels) and counts.min() >= FEWEST:
-        parts = [np.flatnonzero(where == i) for i in range(len(levels))]
+        groups = [np.flatnonzero(where == i) for i in range(len(levels))]
     else:
-        parts = np.array_split(order, max(1, min(GROUPS, len(order) // FEWEST))) if len(order) else []
-    rows = [[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in parts]
+        groups = np.array_split(order, max(1, min(GROUPS, len(order) // FEWEST))) if len(order) else []
+    rows = [[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in groups]
     return np.array(rows, dtype=float).reshape(-1, 3)
-
-
-def _fragility_dataset(seen: Observations, confidence: float, measured: xr.DataArray) -> xr.Dataset:
-    """The fit of what was seen, or why there is none."""
-    about = {
-        "observations": seen.count,
-        "exceeding": len(seen.known) + len(seen.below),
-        "interpolated": len(seen.known),
-        "confidence": confidence,
-        "bounds": "profile likelihood",
-        "statement": "",
-    }
-    unit, nothing = {"units": measured.attrs.get("units", "1")}, (np.nan, np.nan)
-    x = measured.values[np.isfinite(measured.values) & (measured.values > 0.0)]
-    ends = (float(x.min()), 1.2 * float(x.max())) if x.size else (1.0, 1.0)
-    levels = np.geomspace(*ends, LEVELS)
-    (theta, beta), bounds = nothing, (nothing, nothing)
-    try:
-        fit = fit_lognormal(seen)
-    except ValueError as error:
-        about["statement"] = str(error)
-        share, band = np.full(len(levels), np.nan), np.full((len(levels), 2), np.nan)
-    else:
-        levels = _where_it_rises(fit, ends)
-        theta, beta = fit.theta, fit.beta
-        bounds = (fit.theta_bounds(confidence), fit.beta_bounds(confidence))
-        share, band = fit.probability(levels), fit.probability_bounds(levels, confidence)
-    data = {
-        "theta": ((), theta, unit | {"long_name": "median intensity at the threshold"}),
-        "beta": ((), beta, {"units": "1", "long_name": "logarithmic standard deviation"}),
-        "theta_bounds": ("bound", np.array(bounds[0]), unit),
-        "beta_bounds": ("bound", np.array(bounds[1]), {"units": "1"}),
-        "probability": ("level", share, {"units": "1", "long_name": "probability of exceedance"}),
-        "probability_bounds": (("level", "bound"), band, {"units": "1"}),
-    }
-    coords = {"level": ("level", levels, dict(measured.attrs)), "bound": np.array(["lower", "upper"])}
-    return xr.Dataset(data, coords, about)
-
-
-def _where_it_rises(fit: LognormalFit, ends: tuple[float, float]) -> Floats:
-    """Levels between two ends, most of them where the fit goes from 0 to 1."""
-    rise = fit.theta * np.exp(fit.beta * np.linspace(-3.5, 3.5, LEVELS))
-    return np.unique(np.concatenate([ends, rise[(rise > ends[0]) & (rise < ends[1])]]))

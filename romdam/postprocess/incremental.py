@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from romdam.core.arrays import Floats
 from romdam.postprocess.responses import RUNS, about_runs, curves_of, intensity_of, response_of
 
 FRACTILES = (0.16, 0.5, 0.84)
@@ -48,7 +47,10 @@ def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: s
         about["statement"] = "no record has runs at two intensities; a curve needs `scales` or `intensities`"
         return xr.Dataset(data, attrs=about)
     ends = np.array([[c.intensity[0], c.intensity[-1]] for c in curves])
-    levels = np.unique(np.concatenate([np.geomspace(ends.min(), ends.max(), LEVELS), _common(measured)]))
+    # besides even levels, intensities at which all records stand, as where they are scaled to targets
+    low, high = measured.min("record").values, measured.max("record").values
+    common = low[np.isfinite(low) & (low > 0.0) & (high - low <= 1e-9 * high)]
+    levels = np.unique(np.concatenate([np.geomspace(ends.min(), ends.max(), LEVELS), common]))
     at = np.array([curve.at(levels) for curve in curves])
     count = np.isfinite(at).sum(axis=0)
     table = np.full((len(FRACTILES), len(levels)), np.nan)
@@ -60,10 +62,3 @@ def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: s
     )
     coords = {"fractile": np.array(FRACTILES), "level": ("level", levels, dict(measured.attrs))}
     return xr.Dataset(data, attrs=about).assign_coords(coords)
-
-
-def _common(measured: xr.DataArray) -> Floats:
-    """Intensities at which all records stand, as they do where they are scaled to targets."""
-    low, high = measured.min("record").values, measured.max("record").values
-    same = np.isfinite(low) & (low > 0.0) & (high - low <= 1e-9 * high)
-    return np.asarray(low[same])

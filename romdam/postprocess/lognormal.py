@@ -122,7 +122,10 @@ class LognormalFit:
     def _through(self, x: float, eta: float) -> float:
         """Highest log-likelihood of the distributions whose predictor is `eta` at `x`."""
         design = (self.observations.all - x)[:, None]
-        return _rising(self.observations, design, np.full(len(design), eta), self.slope)
+        offset = np.full(len(design), eta)
+        climbed = _climb(self.observations, design, offset, np.array([self.slope]), slopes=True)
+        # slopes do not fall
+        return climbed.height if climbed.at[0] >= 0.0 else _height(self.observations, offset)
 
     def _with_beta(self, log_beta: float) -> float:
         """Highest log-likelihood of the distributions with one beta."""
@@ -199,12 +202,6 @@ def why_not(seen: Observations) -> str:
             f"{between}, and the dispersion cannot be told from zero"
         )
     return "" if below.max() > above.min() else "the share above the threshold falls with the intensity"
-
-
-def _rising(seen: Observations, design: Floats, offset: Floats, slope: float) -> float:
-    """Highest log-likelihood over slopes that do not fall."""
-    climbed = _climb(seen, design, offset, np.array([slope]), slopes=True)
-    return climbed.height if climbed.at[0] >= 0.0 else _height(seen, offset)
 
 
 def _climb(seen: Observations, design: Floats, offset: Floats, start: Floats, slopes: bool = False) -> Peak:

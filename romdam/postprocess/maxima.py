@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from romdam.core.arrays import Bools, Floats
+from romdam.core.arrays import Floats
 from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
@@ -37,45 +37,40 @@ class Row(NamedTuple):
     when: str = ""
     note: str = ""
 
+    @property
+    def is_round_off(self) -> bool:
+        """Whether its value is shown as 0."""
+        return self.note == AS_DISPLACEMENT or self.note.startswith(BELOW)
+
 
 HEAD = ("quantity", "value", "unit", "where", "time [s]", "note")
 
 
 def maxima(dataset: xr.Dataset) -> list[Row]:
     """Motion, joints, stress, what the result has of each; round-off as 0, with a note that says what is."""
-    rows = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
-    rows_in_mm = _as_displacements([_without_round_off(row, rows) for row in rows])
-    fixed = {str(fixed_name) for of in _FIXED if of in dataset for fixed_name in dataset[of].values}
-    return [
-        row._replace(where="") if _is_round_off(row) and row.where not in fixed else row for row in rows_in_mm
-    ]
-
-
-def _as_displacements(rows: list[Row]) -> list[Row]:
-    """Rows with the accelerations as 0 along axes whose displacement is round-off."""
-    still = {row.quantity.replace("displacement", "acceleration") for row in rows if _is_round_off(row)}
+    stated = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
+    rows = []
+    for row in stated:
+        same_unit = [abs(r.value) for r in stated if r.unit == row.unit and r.value == r.value]
+        least = ROUND_OFF * max(same_unit, default=0.0)
+        if 0.0 < abs(row.value) < least:
+            rows.append(row._replace(value=0.0, when="", note=f"{BELOW} {least:.1g} {row.unit}"))
+        else:
+            rows.append(row._replace(value=row.value + 0.0))  # no -0
+    # accelerations are 0 along axes whose displacement is round-off
+    still = {row.quantity.replace("displacement", "acceleration") for row in rows if row.is_round_off}
     still &= {f"acceleration {axis}" for axis in "xyz"}
-    return [
+    rows = [
         row._replace(value=0.0, when="", note=AS_DISPLACEMENT) if row.quantity in still else row
         for row in rows
     ]
-
-
-def _is_round_off(row: Row) -> bool:
-    return row.note == AS_DISPLACEMENT or row.note.startswith(BELOW)
+    fixed = {str(name) for dim in _FIXED if dim in dataset for name in dataset[dim].values}
+    return [row._replace(where="") if row.is_round_off and row.where not in fixed else row for row in rows]
 
 
 def explained(rows: list[Row]) -> list[str]:
     """Sentences on the notes that stand in a table."""
     return [f"{note}: {words}" for note, words in NOTES.items() if any(r.note.startswith(note) for r in rows)]
-
-
-def _without_round_off(row: Row, rows: list[Row]) -> Row:
-    values = [abs(r.value) for r in rows if r.unit == row.unit and r.value == r.value]
-    least = ROUND_OFF * max(values, default=0.0)
-    if 0.0 < abs(row.value) < least:
-        return row._replace(value=0.0, when="", note=f"{BELOW} {least:.1g} {row.unit}")
-    return row._replace(value=row.value + 0.0)  # no -0
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:
@@ -143,67 +138,30 @@ def _sections(dataset: xr.Dataset) -> list[Row]:
 
 
 def _stress(dataset: xr.Dataset) -> list[Row]:
-    rows = _face_stress(dataset)
+    """Largest and smallest stress, and of a dam with a tensile strength its demand."""
+    rows, kinds = [], ("principal", "vertical", "arch")
+    for name in kinds:  # stress that most of each face does not exceed: what a face is judged by
+        for face in dataset.stress_face.values if f"face_{name}_stress" in dataset else ():
+            value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
+            label = f"{name} stress, {HEADLINE:g} % of the area"
+            rows.append(Row(label, float(value), "Pa", str(face), note="" if value.notnull() else IN_RING))
     for side, find in (("max", np.nanargmax), ("min", np.nanargmin)):
-        for name in ("principal", "vertical", "arch"):
+        for name in kinds:
             variable = f"{side}_{name}_stress"
             if variable not in dataset or not dataset[variable].notnull().any():
                 continue
             label = f"{'largest' if side == 'max' else 'smallest'} {name} stress"
             worst = _at_worst(dataset, label, dataset[variable], find)
             rows += worst if side == "max" else worst[:1]
-    return rows + _damage(dataset)
-
-
-def _at_worst(
-    dataset: xr.Dataset, label: str, values: xr.DataArray, find: Callable[[Floats], Any] = np.nanargmax
-) -> list[Row]:
-    """Worst of (stress_node,) values, and the worst outside the ring where that one is in it."""
-    whole, rows = values.values, []
-    outside = np.where(_ring(dataset), np.nan, whole)
-    for name, value in ((label, whole), (f"{label} outside the ring", outside)):
-        if np.isfinite(value).any() and (value is whole or _ring(dataset)[int(find(whole))]):
-            k = int(find(value))
-            here = _place(dataset, k), _when(dataset, str(values.name), k)
-            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), *here))
-    return rows
-
-
-def _face_stress(dataset: xr.Dataset) -> list[Row]:
-    """Stress that most of each face does not exceed: what a face is judged by."""
-    rows = []
-    for name in ("principal", "vertical", "arch"):
-        for face in dataset.stress_face.values if f"face_{name}_stress" in dataset else ():
-            value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
-            note = "" if value.notnull() else IN_RING
-            label = f"{name} stress, {HEADLINE:g} % of the area"
-            rows.append(Row(label, float(value), "Pa", str(face), note=note))
-    return rows
-
-
-def _ring(dataset: xr.Dataset) -> Bools:
-    """(k,) True for stress nodes in the ring; versions before had none."""
-    known = "stress_ring" in dataset
-    return dataset.stress_ring.values > 0 if known else np.zeros(dataset.sizes["stress_node"], dtype=bool)
-
-
-def _when(dataset: xr.Dataset, variable: str, k: int) -> str:
-    timed = f"{variable}_time"
-    return f"{float(dataset[timed][k]):.3f}" if timed in dataset else ""
-
-
-def _damage(dataset: xr.Dataset) -> list[Row]:
     if "demand_capacity_ratio" not in dataset:
-        return []
-    durations = {"cumulative inelastic duration": dataset.cumulative_inelastic_duration}
-    ratios = {"demand-capacity ratio": dataset.demand_capacity_ratio}
+        return rows
+    rows += _at_worst(dataset, "demand-capacity ratio", dataset.demand_capacity_ratio)
+    duration = dataset.cumulative_inelastic_duration[:, 0]
+    rows += _at_worst(dataset, "cumulative inelastic duration", duration)
     if "change_demand_capacity_ratio" in dataset:
-        ratios["demand-capacity ratio of the change"] = dataset.change_demand_capacity_ratio
-        durations["inelastic duration of the change"] = dataset.change_inelastic_duration
-    rows = []
-    for (of_ratio, ratio), (of_duration, duration) in zip(ratios.items(), durations.items(), strict=True):
-        rows += _at_worst(dataset, of_ratio, ratio)
-        rows += _at_worst(dataset, of_duration, duration[:, 0])
+        ratio, duration = dataset.change_demand_capacity_ratio, dataset.change_inelastic_duration[:, 0]
+        rows += _at_worst(dataset, "demand-capacity ratio of the change", ratio)
+        rows += _at_worst(dataset, "inelastic duration of the change", duration)
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         of_face = dataset.sel(stress_face=face)
         share = 100.0 * float(of_face.overstressed_area[0]) / float(of_face.stress_face_area)
@@ -211,9 +169,21 @@ def _damage(dataset: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _place(dataset: xr.Dataset, k: int) -> str:
-    at = ", ".join(f"{x:.4g}" for x in dataset.stress_position.values[k])
-    return f"{dataset.stress_block.values[k]} ({at})"
+def _at_worst(
+    dataset: xr.Dataset, label: str, values: xr.DataArray, find: Callable[[Floats], Any] = np.nanargmax
+) -> list[Row]:
+    """Worst of (stress_node,) values, and the worst outside the ring where the first is in it."""
+    whole, rows = values.values, []
+    ring = dataset.stress_ring.values > 0 if "stress_ring" in dataset else np.zeros(len(whole), dtype=bool)
+    time = dataset.get(f"{values.name}_time")
+    for name, value in ((label, whole), (f"{label} outside the ring", np.where(ring, np.nan, whole))):
+        if np.isfinite(value).any() and (value is whole or ring[int(find(whole))]):
+            k = int(find(value))
+            position = ", ".join(f"{x:.4g}" for x in dataset.stress_position.values[k])
+            where = f"{dataset.stress_block.values[k]} ({position})"
+            when = "" if time is None else f"{float(time[k]):.3f}"
+            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), where, when))
+    return rows
 
 
 FACE_HEAD = (
@@ -258,21 +228,16 @@ def stress_statement(dataset: xr.Dataset, peak_shares: Mapping[str, float]) -> s
             1e-6 * float(of_face.face_principal_stress.sel(area_percentile=p)) for p in (HEADLINE, 100.0)
         )
         at = ", ".join(f"{x:.4g}" for x in of_face.face_peak_position.values)
-        start = (
-            float(of_face.face_start_overstressed_share)
-            if "face_start_overstressed_share" in of_face
-            else 0.0
-        )
+        known = "face_start_overstressed_share" in of_face
+        start = float(of_face.face_start_overstressed_share) if known else 0.0
         rest = f", {start:.3g} % of its area above the strength before the shaking" if start > 0.0 else ""
         is_headline = peak_shares.get(str(face), 0.0) > 100.0 - HEADLINE
         coarse = f"; one node is more than {100.0 - HEADLINE:g} % of this face" if is_headline else ""
+        mostly_ring = float(of_face.ring_share) > 100.0 * MOST_RING
+        judged = ", so that no acceptance is stated" if mostly_ring else ""
         faces.append(
             f"{face} {low:.3g} MPa (largest {top:.3g} MPa at ({at}){rest}{coarse}; "
-            f"the ring leaves out {float(of_face.ring_share):.3g} % of its area{_judged(of_face)})"
+            f"the ring leaves out {float(of_face.ring_share):.3g} % of its area{judged})"
         )
     named = f"major principal stress that {HEADLINE:g} % of a face's area outside the ring do not exceed: "
     return named + "; ".join(faces) if faces else ""
-
-
-def _judged(face: xr.Dataset) -> str:
-    return ", so that no acceptance is stated" if float(face.ring_share) > 100.0 * MOST_RING else ""

@@ -45,25 +45,21 @@ class RecordCurves:
 def record_curves(motion: GroundMotion, axis: int) -> RecordCurves:
     """Histories and spectra of component `axis` of a motion."""
     acc, dt = motion.acc[axis], motion.dt
-    freq, amplitude = _smoothed(*fourier_amplitude(acc, dt))
+    freq, amplitude = fourier_amplitude(acc, dt)
+    # root mean square in logarithmic bands, so that a page holds lines and not a smear
+    edges = np.geomspace(max(freq[1], 0.01), freq[-1], FOURIER_POINTS + 1)
+    total, _ = np.histogram(freq[1:], edges, weights=amplitude[1:] ** 2)
+    count, _ = np.histogram(freq[1:], edges)
+    filled = count > 0
     return RecordCurves(
         time=motion.time,
         acc=acc,
         vel=velocity(acc, dt),
         disp=displacement(acc, dt),
         psa=dict(zip(DAMPINGS, response_spectra(acc, dt, PERIODS, DAMPINGS).psa[0], strict=True)),
-        freq=freq,
-        amplitude=amplitude,
+        freq=np.sqrt(edges[1:] * edges[:-1])[filled],
+        amplitude=np.sqrt(total[filled] / count[filled]),
     )
-
-
-def _smoothed(freq: Floats, amplitude: Floats) -> tuple[Floats, Floats]:
-    """Root mean square in logarithmic bands, so that a page holds lines and not a smear."""
-    edges = np.geomspace(max(freq[1], 0.01), freq[-1], FOURIER_POINTS + 1)
-    total, _ = np.histogram(freq[1:], edges, weights=amplitude[1:] ** 2)
-    count, _ = np.histogram(freq[1:], edges)
-    filled = count > 0
-    return np.sqrt(edges[1:] * edges[:-1])[filled], np.sqrt(total[filled] / count[filled])
 
 
 @dataclass(frozen=True)
@@ -91,17 +87,17 @@ def target_curves(motions: Sequence[GroundMotion]) -> list[TargetCurves]:
     for motion in motions:
         if target := target_of(motion):
             groups.setdefault(str([target[key] for key in ("of", "damping", "sa_m_s2")]), []).append(motion)
-    return [_curves_of(group, target_of(group[0])) for group in groups.values()]
+    curves = []
+    for group in groups.values():
+        target = target_of(group[0])
+        periods, damping = np.array(target["periods_s"]), float(target["damping"])
+        of = next(word for word, name in NAMED.items() if name == target["of"])
+        psa = np.array([spectrum(motion.acc, motion.dt, periods, damping, of) for motion in group])
+        curves.append(TargetCurves(str(target["of"]), damping, periods, np.array(target["sa_m_s2"]), psa))
+    return curves
 
 
 def target_of(motion: GroundMotion) -> dict[str, Any]:
     """Target of a motion, from its provenance; empty where there is none."""
     about = motion.provenance.get("target")
     return about if isinstance(about, dict) else {}
-
-
-def _curves_of(motions: Sequence[GroundMotion], target: dict[str, Any]) -> TargetCurves:
-    periods, damping = np.array(target["periods_s"]), float(target["damping"])
-    of = next(word for word, name in NAMED.items() if name == target["of"])
-    psa = np.array([spectrum(motion.acc, motion.dt, periods, damping, of) for motion in motions])
-    return TargetCurves(str(target["of"]), damping, periods, np.array(target["sa_m_s2"]), psa)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,20 +46,22 @@ def run_columns(summary: xr.Dataset) -> list[Column]:
     names = [*RUNS, *_FIRST]
     names += [str(name) for name in summary.coords if str(name).startswith(PARAMETER)]
     names += [str(name) for name in summary.data_vars if str(name) not in names]
-    return [column for name in names if name in summary for column in _columns(summary, name)]
-
-
-def _columns(summary: xr.Dataset, name: str) -> Iterator[Column]:
-    """The columns of a variable: one for each of its places."""
-    variable, sizes = summary[name], [summary.sizes[dim] for dim in RUNS]
-    run_dims = [str(dim) for dim in variable.dims if dim in RUNS]
-    rest = [str(dim) for dim in variable.dims if dim not in RUNS]
-    if not run_dims or set(rest) & set(_MAPS):
-        return
-    values = variable.transpose(*run_dims, *rest).values
-    shape = [summary.sizes[dim] if dim in run_dims else 1 for dim in RUNS]
-    about = variable.attrs
-    for at in np.ndindex(*(summary.sizes[dim] for dim in rest)):
-        flat = np.broadcast_to(values[(..., *at)].reshape(shape), sizes).ravel()
-        position = ".".join(str(summary[dim].values[k]) for dim, k in zip(rest, at, strict=True))
-        yield Column(name, position, str(about.get("units", "")), str(about.get("long_name", "")), flat)
+    sizes, columns = [summary.sizes[dim] for dim in RUNS], []
+    for name in names:
+        if name not in summary:
+            continue
+        variable = summary[name]
+        run_dims = [str(dim) for dim in variable.dims if dim in RUNS]
+        rest = [str(dim) for dim in variable.dims if dim not in RUNS]
+        if not run_dims or set(rest) & set(_MAPS):
+            continue
+        values = variable.transpose(*run_dims, *rest).values
+        shape = [summary.sizes[dim] if dim in run_dims else 1 for dim in RUNS]
+        units, long_name = (str(variable.attrs.get(key, "")) for key in ("units", "long_name"))
+        for at in np.ndindex(
+            *(summary.sizes[dim] for dim in rest)
+        ):  # a column for each joint, node and so on
+            flat = np.broadcast_to(values[(..., *at)].reshape(shape), sizes).ravel()
+            position = ".".join(str(summary[dim].values[k]) for dim, k in zip(rest, at, strict=True))
+            columns.append(Column(name, position, units, long_name, flat))
+    return columns

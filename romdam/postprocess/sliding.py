@@ -98,7 +98,35 @@ def sliding(dataset: xr.Dataset) -> list[Sliding]:
     """Sliding of every joint of a result; nothing where no joint carries shear."""
     if "sliding_safety_factor" not in dataset:
         return []
-    return [_of_joint(dataset, str(name)) for name in dataset.joint.values]
+    joints = []
+    for name in map(str, dataset.joint.values):
+        of_joint, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
+        time, state = of_joint.time.values, gaps.joint_state.values
+        factor, seconds = of_joint.sliding_safety_factor.values, row_seconds(time)
+        least = np.fmin.reduce(factor)
+        moves, stays = (state == SLIP).any(axis=1), (state == STICK).any(axis=1)
+        normal = _mean_normal(gaps)
+        along = _along(of_joint.joint_displacement.values, normal)
+        residual, rotation = _rigid_motion(gaps, normal)
+        steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
+        joints.append(
+            Sliding(
+                joint=name,
+                blocks=(str(of_joint.joint_blocks.values[0]), str(of_joint.joint_blocks.values[1])),
+                factor=float(least),
+                factor_time=float(time[(factor <= (1.0 + _SAME) * least).argmax()]),
+                sliding_time=float(seconds[moves & ~stays].sum()),
+                open_time=float(seconds[(state == OPEN).all(axis=1)].sum()),
+                unbounded=bool(np.isinf(of_joint.joint_shear_strength.values).any()),
+                slipped=bool(moves.any()),
+                residual=residual,
+                residual_slip=float(np.linalg.norm(_along(residual, normal))),
+                largest_slip=float(np.linalg.norm(_left(gaps.slip), axis=1).max()),
+                rotation=rotation,
+                cumulative_slip=float(steps[moves[1:]].sum()),
+            )
+        )
+    return joints
 
 
 def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
@@ -110,33 +138,6 @@ def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
         along = _along(dataset.joint_displacement.sel(joint=name).values, normal)
         slip.loc[{"joint": name}] = np.linalg.norm(along, axis=1)
     return slip.assign_attrs(units="m")
-
-
-def _of_joint(dataset: xr.Dataset, name: str) -> Sliding:
-    of_joint, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
-    time, state = of_joint.time.values, gaps.joint_state.values
-    factor, seconds = of_joint.sliding_safety_factor.values, row_seconds(time)
-    least = np.fmin.reduce(factor)
-    moves, stays = (state == SLIP).any(axis=1), (state == STICK).any(axis=1)
-    normal = _mean_normal(gaps)
-    along = _along(of_joint.joint_displacement.values, normal)
-    residual, rotation = _rigid_motion(gaps, normal)
-    steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
-    return Sliding(
-        joint=name,
-        blocks=(str(of_joint.joint_blocks.values[0]), str(of_joint.joint_blocks.values[1])),
-        factor=float(least),
-        factor_time=float(time[(factor <= (1.0 + _SAME) * least).argmax()]),
-        sliding_time=float(seconds[moves & ~stays].sum()),
-        open_time=float(seconds[(state == OPEN).all(axis=1)].sum()),
-        unbounded=bool(np.isinf(of_joint.joint_shear_strength.values).any()),
-        slipped=bool(moves.any()),
-        residual=residual,
-        residual_slip=float(np.linalg.norm(_along(residual, normal))),
-        largest_slip=float(np.linalg.norm(_left(gaps.slip), axis=1).max()),
-        rotation=rotation,
-        cumulative_slip=float(steps[moves[1:]].sum()),
-    )
 
 
 def _mean_normal(gaps: xr.Dataset) -> Floats:
@@ -181,28 +182,14 @@ HEAD: Row = (
 
 def sliding_rows(dataset: xr.Dataset) -> list[Row]:
     """The table of a result under `HEAD`: how block J slides on block I, a row for each joint."""
-    return [_row(summary) for summary in sliding(dataset)]
-
-
-def _row(summary: Sliding) -> Row:
-    factor = (
-        ("-", "-") if np.isnan(summary.factor) else (f"{summary.factor:.4g}", f"{summary.factor_time:.3f}")
-    )
-    lengths = (
-        summary.residual_slip,
-        summary.largest_slip,
-        *summary.residual,
-        summary.rotation,
-        summary.cumulative_slip,
-    )
-    times = (f"{summary.sliding_time:.3g}", f"{summary.open_time:.3g}")
-    block_I, block_J = summary.blocks
-    return (
-        summary.joint,
-        block_J,
-        block_I,
-        summary.verdict,
-        *factor,
-        *times,
-        *(f"{1e3 * value:.4g}" for value in lengths),
-    )
+    rows = []
+    for joint in sliding(dataset):
+        factor = ("-", "-")
+        if not np.isnan(joint.factor):
+            factor = (f"{joint.factor:.4g}", f"{joint.factor_time:.3f}")
+        times = (f"{joint.sliding_time:.3g}", f"{joint.open_time:.3g}")
+        lengths = (joint.residual_slip, joint.largest_slip, *joint.residual)
+        thousandths = (f"{1e3 * value:.4g}" for value in (*lengths, joint.rotation, joint.cumulative_slip))
+        block_I, block_J = joint.blocks
+        rows.append((joint.joint, block_J, block_I, joint.verdict, *factor, *times, *thousandths))
+    return rows

@@ -25,8 +25,25 @@ class Table:
 
 def variant_tables(comparison: xr.Dataset) -> list[Table]:
     """Every table that the comparison has numbers for."""
-    makers = (_cost, _peaks, _worst_steps, _stress, _to_reference, _to_each_other)
-    return [table for make in makers if (table := make(comparison)).rows]
+    tables = [make(comparison) for make in (_cost, _peaks, _worst_steps, _stress)]
+
+    # every quantity of every variant against the reference
+    reference, differences = comparison.attrs["reference"], comparison[["l2_difference", "peak_difference"]]
+    both = differences.sel(against=reference)
+    head = ("variant", *map(str, both["quantity"].values))
+    rows: list[Row] = [(name, *_pairs(variant)) for name, variant in _each(both) if name != reference]
+    note = f"Over “{reference}”: L2 / peak [%]"
+    tables.append(Table("to_reference", "Difference to the reference", note, head, rows))
+
+    # all against all in one quantity: the first pair's, else the first there is
+    quantities = [str(name) for name in comparison["quantity"].values]
+    chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
+    of_chosen = differences.sel(quantity=chosen)
+    rows = [(name, *_pairs(pair)) for name, pair in _each(of_chosen)]
+    note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
+    head = ("variant", *map(str, of_chosen.against.values))
+    tables.append(Table("to_each_other", "Each against each", note, head, rows))
+    return [table for table in tables if table.rows]
 
 
 def _cost(comparison: xr.Dataset) -> Table:
@@ -93,28 +110,6 @@ def _stress(comparison: xr.Dataset) -> Table:
     return Table("stress", "Largest stresses", "Of all nodes and written times", head, rows)
 
 
-def _to_reference(comparison: xr.Dataset) -> Table:
-    """Every quantity of every variant against the reference."""
-    reference = comparison.attrs["reference"]
-    both = comparison[["l2_difference", "peak_difference"]].sel(against=reference)
-    head = ("variant", *map(str, both["quantity"].values))
-    rows: list[Row] = [(name, *_pairs(variant)) for name, variant in _each(both) if name != reference]
-    note = f"Over “{reference}”: L2 / peak [%]"
-    return Table("to_reference", "Difference to the reference", note, head, rows)
-
-
-def _to_each_other(comparison: xr.Dataset) -> Table:
-    """One quantity, all against all: the first pair's, else the first there is."""
-    quantities = [str(name) for name in comparison["quantity"].values]
-    chosen = next((name for name in quantities if name.startswith("relative")), quantities[0])
-    differences = comparison[["l2_difference", "peak_difference"]].sel(quantity=chosen)
-    rows: list[Row] = [(name, *_pairs(pair)) for name, pair in _each(differences)]
-    note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
-    return Table(
-        "to_each_other", "Each against each", note, ("variant", *map(str, differences.against.values)), rows
-    )
-
-
 def _pairs(dataset: xr.Dataset) -> list[str]:
     """L2 and peak in percent, as text; a dash where nothing differs or nothing is known."""
     cells = zip(100.0 * dataset.l2_difference.values, 100.0 * dataset.peak_difference.values, strict=True)
@@ -124,12 +119,11 @@ def _pairs(dataset: xr.Dataset) -> list[str]:
 def changes_of(comparison: xr.Dataset) -> list[tuple[str, str]]:
     """Variant -> what it changes, in words."""
     stated = json.loads(str(comparison.attrs["variants"]))
-    return [(name, _words(changes)) for name, changes in stated.items()]
-
-
-def _words(changes: dict[str, object]) -> str:
-    texts = (f"{path}: {json.dumps(value)}" for path, value in changes.items())
-    return "; ".join(texts).replace('"', "") or "as it stands"
+    words = []
+    for name, changes in stated.items():
+        texts = (f"{path}: {json.dumps(value)}" for path, value in changes.items())
+        words.append((name, "; ".join(texts).replace('"', "") or "as it stands"))
+    return words
 
 
 def _each(comparison: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
@@ -139,14 +133,13 @@ def _each(comparison: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
 
 def markdown(tables: list[Table]) -> str:
     """Tables as Markdown, numbers with four digits."""
-    return "\n".join(_markdown(table) for table in tables)
-
-
-def _markdown(table: Table) -> str:
-    rows = [table.head, ("---",) * len(table.head), *table.rows]
-    lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
-    note = f"{table.note}\n\n" if table.note else ""
-    return f"## {table.title}\n\n{note}" + "\n".join(lines) + "\n"
+    texts = []
+    for table in tables:
+        rows = [table.head, ("---",) * len(table.head), *table.rows]
+        lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
+        note = f"{table.note}\n\n" if table.note else ""
+        texts.append(f"## {table.title}\n\n{note}" + "\n".join(lines) + "\n")
+    return "\n".join(texts)
 
 
 def shown_cell(cell: str | int | float) -> str:

@@ -10,7 +10,7 @@ from summaries import lognormal_curves, lognormal_stripes, summary_of
 from romdam.core.errors import ResultError
 from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes, worst_runs
-from romdam.postprocess.fragility import _product_limit, fragility
+from romdam.postprocess.fragility import fragility, product_limit
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.lognormal import Observations, fit_lognormal
 from romdam.postprocess.responses import intensity_of, measures, parameters, response_of
@@ -169,7 +169,7 @@ def test_failed_runs_are_left_out_and_counted():
 def test_dots_of_capacities_are_the_product_limit_estimate():
     # Kaplan and Meier (1958): steps at 1, 2 and 4 among five records, of which one is cut off at 3
     seen = Observations(np.log([1.0, 2.0, 4.0]), np.empty(0), np.log([3.0, 5.0]))
-    found = _product_limit(seen)
+    found = product_limit(seen)
     np.testing.assert_allclose(found[:, 0], [1.0, 2.0, 4.0])
     np.testing.assert_allclose(found[:, 1], 1.0 - np.cumprod([4 / 5, 3 / 4, 1 / 2]))
 

@@ -5,7 +5,7 @@ Everything is made in one pass over parts of the nodes, so that whole histories 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Self
@@ -210,12 +210,27 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     time : (nt,) equidistant [s]
     """
     dt = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    parts = _parts(sites, len(time))
-    summaries = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in parts))
+    # a few nodes of a block at a time
+    step = max(1, _PART // len(time))
+    chunks = [
+        (name, slice(first, min(first + step, len(nodes.nodes))))
+        for name, nodes in sites.blocks.items()
+        for first in range(0, len(nodes.nodes), step)
+    ]
+    summaries = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in chunks))
     joined = {key: np.concatenate([summary[key] for summary in summaries]) for key in summaries[0]}
+    # the step at which a measure is largest outside the ring; anywhere, where all nodes lie in it
     counted = np.concatenate([nodes.counted for nodes in sites.blocks.values()])
-    worst = {m: _worst_step(joined, m, counted) for m in MEASURES}
+    worst = {}
+    for m in MEASURES:
+        largest = np.nan_to_num(np.asarray(joined[f"largest {m}"], dtype=float), nan=-np.inf)
+        outside = np.where(counted, largest, -np.inf) if counted.any() else largest
+        worst[m] = int(joined[f"step {m}"][int(outside.argmax())])
     fields = {m: _at_step(sites, history, step) for m, step in worst.items()}
+    probes = [history.at(block, slice(row, row + 1)) for block, row in sites.probes.values()]
+    probe_axes = [
+        (sites.blocks[block].up[row], sites.blocks[block].arch[row]) for block, row in sites.probes.values()
+    ]
     return StressSummary(
         largest={m: joined[f"largest {m}"] for m in MEASURES},
         smallest={m: joined[f"smallest {m}"] for m in MEASURES},
@@ -227,18 +242,10 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
         at_start=joined["at start"],
         change=joined.get("change"),
         duration_of_change=joined.get("duration of change"),
-        probes=_probe_histories(sites, history, len(time)),
-        probe_axes=_probe_axes(sites),
+        probes=np.concatenate([np.zeros((len(time), 0, 6)), *probes], axis=1),
+        probe_axes=np.array(probe_axes, dtype=float).reshape(-1, 2, 3),
         sections=history.sections,
     )
-
-
-def _parts(sites: StressSites, samples: int) -> Iterator[tuple[str, slice]]:
-    """Block and rows of a few nodes at a time."""
-    step = max(1, _PART // samples)
-    for name, nodes in sites.blocks.items():
-        for first in range(0, len(nodes.nodes), step):
-            yield name, slice(first, min(first + step, len(nodes.nodes)))
 
 
 def _of_part(
@@ -247,9 +254,19 @@ def _of_part(
     """Summary of the histories of a few nodes of a block."""
     stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
     measures = _measures(stress, sites.blocks[name], rows, strength)
-    summary = _envelopes(measures)
+    major = measures["principal"][0]
+    summary: dict[str, NDArray[np.generic]] = {"at start": major[0]}
+    for measure, (upper, lower) in measures.items():
+        step = upper.argmax(axis=0)
+        summary[f"step {measure}"] = step
+        summary[f"largest {measure}"] = np.take_along_axis(upper, step[None], axis=0)[0]
+        summary[f"smallest {measure}"] = lower.min(axis=0)
     if sites.strength is not None:
-        summary |= _excursions(stress, measures["principal"][0], sites.strength, dt)
+        change, _ = outer_histories(stress - stress[0], sites.strength)
+        levels = DCR_LEVELS * sites.strength
+        summary["duration"] = _durations(major, levels, dt)
+        summary["duration of change"] = _durations(change, levels, dt)
+        summary["change"] = change.max(axis=0)
     return summary
 
 
@@ -268,31 +285,6 @@ def _measures(
     }
 
 
-def _envelopes(measures: dict[str, tuple[Floats, Floats]]) -> dict[str, NDArray[np.generic]]:
-    envelopes: dict[str, NDArray[np.generic]] = {"at start": measures["principal"][0][0]}
-    for name, (upper, lower) in measures.items():
-        step = upper.argmax(axis=0)
-        envelopes[f"step {name}"] = step
-        envelopes[f"largest {name}"] = np.take_along_axis(upper, step[None], axis=0)[0]
-        envelopes[f"smallest {name}"] = lower.min(axis=0)
-    return envelopes
-
-
-def _excursions(stress: Floats, major: Floats, strength: float, dt: float) -> dict[str, NDArray[np.generic]]:
-    """Durations above the strength of the major principal stress, and of that of the change since rest."""
-    change, _ = outer_histories(stress - stress[0], strength)
-    levels = DCR_LEVELS * strength
-    above = [_durations(histories, levels, dt) for histories in (major, change)]
-    return {"duration": above[0], "duration of change": above[1], "change": change.max(axis=0)}
-
-
-def _worst_step(joined: Mapping[str, NDArray[np.generic]], measure: str, counted: NDArray[np.bool_]) -> int:
-    """The step at which a measure is largest outside the ring; anywhere, where all nodes lie in it."""
-    largest = np.nan_to_num(np.asarray(joined[f"largest {measure}"], dtype=float), nan=-np.inf)
-    outside = np.where(counted, largest, -np.inf) if counted.any() else largest
-    return int(joined[f"step {measure}"][int(outside.argmax())])
-
-
 def _at_step(sites: StressSites, history: StressHistory, step: int) -> dict[str, Floats]:
     """Every measure, and the tensor, of all nodes at one step."""
     values: dict[str, list[Floats]] = {name: [] for name in (*MEASURES, "tensor")}
@@ -302,16 +294,4 @@ def _at_step(sites: StressSites, history: StressHistory, step: int) -> dict[str,
         for measure, (upper, _) in _measures(stress, nodes, rows).items():
             values[measure].append(upper[0])
         values["tensor"].append(stress[0])
-    return {name: np.concatenate(parts) for name, parts in values.items()}
-
-
-def _probe_histories(sites: StressSites, history: StressHistory, samples: int) -> Floats:
-    rows = [history.at(block, slice(row, row + 1)) for block, row in sites.probes.values()]
-    return np.concatenate([np.zeros((samples, 0, 6)), *rows], axis=1)
-
-
-def _probe_axes(sites: StressSites) -> Floats:
-    axes = [
-        (sites.blocks[block].up[row], sites.blocks[block].arch[row]) for block, row in sites.probes.values()
-    ]
-    return np.array(axes, dtype=float).reshape(-1, 2, 3)
+    return {name: np.concatenate(of_blocks) for name, of_blocks in values.items()}
