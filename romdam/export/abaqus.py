@@ -6,8 +6,6 @@ output for the database of Abaqus in place of printed one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from romdam.export.deck import Deck
 from romdam.export.keywords import (
     MODEL,
@@ -33,7 +31,15 @@ def write_abaqus(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         for elements that have no line here.
     """
     names = deck.elements(_ELEMENTS, "Abaqus")
-    deck = deck.stating(*shared_statements(deck), *_stated(deck))
+    kinds = {solid.element for solid in deck.solids}
+    stated = ["Such decks were never run in Abaqus; CalculiX solves models of the same keywords."]
+    if "hex8" in kinds:
+        stated.append(
+            "C3D8 of Abaqus has one volumetric strain at all points, romdam integrates fully: it is softer."
+        )
+    if deck.added_mass.any():
+        stated.append("Added mass has no Rayleigh damping.")
+    deck = deck.stating(*shared_statements(deck), *stated)
     head = comments("**", deck.title, deck.stated) + "\n"
     sets = [name for name, there in (("GAPS", len(deck.gaps)), ("PROBES", deck.probes)) if there]
     output = [f"*OUTPUT, HISTORY, FREQUENCY=1\n*NODE OUTPUT, NSET={name}\nU1, U2, U3" for name in sets]
@@ -51,15 +57,6 @@ def write_abaqus(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         "deck.inp": head + MODEL + steps_text(deck, [], output),
         "openings.py": assignments(settings) + _SCRIPT,
     }, deck.stated
-
-
-def _stated(deck: Deck) -> Iterator[str]:
-    kinds = {solid.element for solid in deck.solids}
-    yield "Such decks were never run in Abaqus; CalculiX solves models of the same keywords."
-    if "hex8" in kinds:
-        yield "C3D8 of Abaqus has one volumetric strain at all points, romdam integrates fully: it is softer."
-    if deck.added_mass.any():
-        yield "Added mass has no Rayleigh damping."
 
 
 _SCRIPT = '''

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Ints
 from romdam.export.deck import Deck
-from romdam.geometry.elements import Element
 from romdam.geometry.meshes.kinds import kinds_of
 
 _WORDS = 8  # of 8 characters on a line
@@ -53,12 +52,17 @@ def mail_text(deck: Deck, groups: Groups) -> str:
     there = np.flatnonzero(deck.meshed)
     numbers = np.concatenate([there, len(deck.points) + np.arange(len(deck.gaps))])
     points = np.concatenate([deck.points[there], deck.points[deck.gaps.points[:, 0]]])
-    lines = ["TITRE", "mesh of romdam", "FINSF", "COOR_3D", *_points(numbers, points), "FINSF"]
+    lines = ["TITRE", "mesh of romdam", "FINSF", "COOR_3D"]
+    for number, (x, y, z) in zip((numbers + 1).tolist(), points.tolist(), strict=True):
+        lines.append(f"N{number} {x:.14E} {y:.14E} {z:.14E}")
+    lines.append("FINSF")
     first = 1
     for number, solid in enumerate(deck.solids):
         members = first + np.arange(len(solid.cells))
         for element, rows, cells in kinds_of(solid.element, solid.cells):
-            lines += _cells(element.cell.aster, members[rows], _in_aster_order(element, cells))
+            order = element.cell.orders.get("aster")  # of code_aster's nodes, from VTK's
+            nodes = cells if order is None else cells[:, np.argsort(order)]
+            lines += _cells(element.cell.aster, members[rows], nodes)
         lines += _group("GROUP_MA", block_group(number), "M", members)
         first += len(members)
     for name, nodes in groups.discrete.items():
@@ -70,17 +74,6 @@ def mail_text(deck: Deck, groups: Groups) -> str:
     for point in groups.single.tolist():
         lines += _group("GROUP_NO", single_group(point), "N", np.array([point + 1]))
     return "\n".join([*lines, "FIN", ""])
-
-
-def _points(numbers: Ints, points: Floats) -> Iterator[str]:
-    for number, (x, y, z) in zip((numbers + 1).tolist(), points.tolist(), strict=True):
-        yield f"N{number} {x:.14E} {y:.14E} {z:.14E}"
-
-
-def _in_aster_order(element: Element, cells: Ints) -> Ints:
-    """Nodes in code_aster's order, from VTK's."""
-    order = element.cell.orders.get("aster")
-    return cells if order is None else cells[:, np.argsort(order)]
 
 
 def _cells(kind: str, members: Ints, cells: Ints) -> Iterator[str]:

@@ -51,10 +51,16 @@ def build_deck(
     ConfigError
         for modal damping, and for what no nodal mass, force or linear constraint stands for.
     """
-    _refuse(scene, damping)
     law = gap_law(scene) if grouted is None else grouted
-    _refuse_initial_slip(law)
-    number, follows = _numbered(scene)
+    _refuse(scene, damping, law)
+    # numbers of every block's nodes, and what slave nodes follow, (3 n, 3 n)
+    number, of_parts, first = dict[str, Ints](), [], 0
+    for part in scene_parts(scene).values():
+        number |= {name: first + numbers for name, numbers in part.number.items()}
+        first += part.every_node
+        rows = csr_matrix((3 * part.nodes, 3 * part.nodes))
+        of_parts.append(_square(rows if part.slaves is None else vstack([rows, part.slaves])))
+    follows = csr_matrix(block_diag(of_parts))
     gaps, position, means = _gaps(scene, number, follows, law)
     count = follows.shape[0] // 3
     shape = (count + len(position), 3)
@@ -89,8 +95,11 @@ def build_deck(
     )
 
 
-def _refuse(scene: Scene, damping: DampingConfig) -> None:
-    """Refuse what other codes have no plain words for."""
+def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
+    """Refuse what other codes have no plain words for.
+
+    Among it are gaps with friction whose shear counts from another position than that of the mesh.
+    """
     water = scene.reservoir
     beyond = {
         "blocks.<name>.matrices": (
@@ -112,10 +121,6 @@ def _refuse(scene: Scene, damping: DampingConfig) -> None:
     for key, (there, remedy) in beyond.items():
         if there:
             raise ConfigError(f"{key} is not written for other codes; {remedy}")
-
-
-def _refuse_initial_slip(law: GapLaw) -> None:
-    """Refuse gaps with friction whose shear counts from another position than that of the mesh."""
     sticks = (law.mu.min(axis=1, initial=np.inf) > 0.0) & (law.K_s > 0.0)
     for slip in (law.slip, law.slipped):
         if len(slip) and slip[sticks].any():
@@ -125,17 +130,6 @@ def _refuse_initial_slip(law: GapLaw) -> None:
                 f"{1e3 * np.abs(slip[sticks]).max():.3g} mm from where the mesh has them, which their "
                 "springs do not know; leave out friction or grouting_pressure"
             )
-
-
-def _numbered(scene: Scene) -> tuple[dict[str, Ints], csr_matrix]:
-    """Numbers of every block's nodes, and what slave nodes follow, (3 n, 3 n)."""
-    number, follows, first = dict[str, Ints](), [], 0
-    for part in scene_parts(scene).values():
-        number |= {name: first + numbers for name, numbers in part.number.items()}
-        first += part.every_node
-        rows = csr_matrix((3 * part.nodes, 3 * part.nodes))
-        follows.append(_square(rows if part.slaves is None else vstack([rows, part.slaves])))
-    return number, csr_matrix(block_diag(follows))
 
 
 def _square(rows: csr_matrix) -> csr_matrix:
@@ -169,15 +163,12 @@ def _gaps(
         points.append(both)
     names = tuple(name for name, joint in scene.joints.items() for _ in joint.gap)
     axes = np.concatenate([np.zeros((0, 3, 3)), *(joint.axes for joint in scene.joints.values())])
-    gaps = Gaps(names, np.concatenate(points), axes, _law(scene, law))
-    return gaps, np.concatenate(position), csr_matrix(vstack(means))
-
-
-def _law(scene: Scene, law: GapLaw) -> GapLaw:
-    """Parameters of all gaps, rigid ones with the stiffness of a layer of their block."""
+    # rigid gaps have the stiffness of a layer of their block
     layer = [scene.blocks[j.blocks[0]].material.E * j.area / _GIVE for j in scene.joints.values()]
     stiff = np.concatenate([np.zeros(0), *layer])
-    return replace(law, K_n=np.where(np.isinf(law.K_n), stiff, law.K_n))
+    stiff_law = replace(law, K_n=np.where(np.isinf(law.K_n), stiff, law.K_n))
+    gaps = Gaps(names, np.concatenate(points), axes, stiff_law)
+    return gaps, np.concatenate(position), csr_matrix(vstack(means))
 
 
 def _stated(scene: Scene, alpha: float) -> Iterator[str]:

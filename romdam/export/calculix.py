@@ -8,8 +8,6 @@ are written at every one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from romdam.core.errors import ConfigError
@@ -43,7 +41,15 @@ def write_calculix(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
             "opensees"
         )
     names = deck.elements(_ELEMENTS, "CalculiX")
-    deck = deck.stating(*shared_statements(deck), *_stated(deck))
+    stated = []
+    if {solid.element for solid in deck.solids} & {"tet4", "tet10"}:
+        stated.append(
+            "C3D4 integrates its mass with one point and C3D10 with four, romdam exactly: frequencies "
+            "differ, with C3D4 by percents on a coarse mesh."
+        )
+    if deck.added_mass.any():
+        stated.append("Added mass has no Rayleigh damping: masses in CalculiX have none.")
+    deck = deck.stating(*shared_statements(deck), *stated)
     head = comments("**", deck.title, deck.stated) + "\n"
     sets = [name for name, there in (("GAPS", len(deck.gaps)), ("PROBES", deck.probes)) if there]
     output = [f"*NODE PRINT, NSET={name}\nU" for name in sets]
@@ -63,17 +69,6 @@ def write_calculix(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         "deck.inp": head + MODEL + steps_text(deck, [control], output, _ENERGY),
         "openings.py": assignments(settings) + _SCRIPT,
     }, deck.stated
-
-
-def _stated(deck: Deck) -> Iterator[str]:
-    kinds = {solid.element for solid in deck.solids}
-    if kinds & {"tet4", "tet10"}:
-        yield (
-            "C3D4 integrates its mass with one point and C3D10 with four, romdam exactly: frequencies "
-            "differ, with C3D4 by percents on a coarse mesh."
-        )
-    if deck.added_mass.any():
-        yield "Added mass has no Rayleigh damping: masses in CalculiX have none."
 
 
 _ENERGY = ("*EL PRINT, ELSET=EALL, TOTALS=ONLY", "ENER")  # which ccx wants from the first of several steps on

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Ints
 from romdam.export.aster_mesh import Groups, block_group, mail_text, single_group
 from romdam.export.deck import Deck
 from romdam.export.tables import assignments, comments, openings_head
@@ -27,28 +27,40 @@ _UPPER = ((0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2))  # a symmetric matrix by colum
 
 def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     """Files by name, and what differs from romdam's model."""
-    deck = deck.stating(*_stated(deck))
-    model, groups = _model(deck)
-    head = comments("#", deck.title, deck.stated)
-    return {
-        "deck.comm": f"{head}\nDEBUT()\n\n{assignments(model | _analysis(deck))}\n{_SCRIPT}",
-        "deck.mail": mail_text(deck, groups),
-        "deck.export": _EXPORT,
-    }, deck.stated
+    law, sticks, jump_points = deck.gaps.law, deck.gaps.sticks, deck.jump_points
+    stated = ["Such decks were never run in code_aster; they are written for version 17."]
+    if any(solid.material.rho == 0.0 for solid in deck.solids):
+        stated.append("With massless blocks the first acceleration is zero, whatever acts at the start.")
+    if ((law.K_nz > 0.0) & sticks).any():
+        stated.append(
+            "The limit of friction is of the normal force without the part of the tension stiffness."
+        )
+    deck = deck.stating(*stated)
 
-
-def _model(deck: Deck) -> tuple[dict[str, object], Groups]:
-    """Constants of the script that name groups, and these groups."""
-    blocks = {block_group(k): solid.material for k, solid in enumerate(deck.solids)}
+    # supports by component, and jump points without slips
+    held_points = [np.flatnonzero(column) for column in deck.fixed.T] + [jump_points[~sticks]]
+    held = {name: points for name, points in zip(_COMPONENTS, held_points, strict=True) if len(points)}
+    # slave nodes of ties, then jumps, as linear relations
+    leads = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
+    jumps = np.flatnonzero(np.column_stack([np.ones(len(sticks), dtype=bool), sticks, sticks]).ravel())
+    relations = [
+        *_rows(deck.follows[leads], np.flatnonzero(leads).tolist()),
+        *_rows(deck.jumps()[jumps], (jumps + 3 * len(deck.points)).tolist()),
+    ]
+    # static forces (n + ng, 3); on jump points what the tension stiffness has at the initial gap
+    of_jumps = np.zeros((len(deck.gaps), 3))
+    of_jumps[:, 0] = -law.K_nz * law.gap
+    forces = np.concatenate([deck.force, of_jumps])
+    loaded = np.flatnonzero(forces.any(axis=1))
+    # tension stiffness acts in both signs
+    tension = {f"T{k}": kind for k, kind in enumerate(np.unique(law.K_nz[law.K_nz > 0.0]).tolist())}
+    pulled = {name: jump_points[law.K_nz == kind] for name, kind in tension.items()}
+    laws, gaps = _gap_kinds(deck)
     wet = np.flatnonzero(deck.added_mass.any(axis=(1, 2)))
-    held, relations, forces = _held(deck), _relations(deck), _forces(deck)
-    (laws, gaps), (tension, pulled) = _gap_kinds(deck), _tension(deck)
-    loaded, jumps = np.flatnonzero(forces.any(axis=1)), _jump_points(deck)
-    openings = zip(jumps.tolist(), deck.gaps.law.gap.tolist(), strict=True)
-    probes = np.array(list(deck.probes.values()), dtype=np.int64)
-    related = np.array([point for points, _, _ in relations for point in points], dtype=np.int64)
+    openings = zip(jump_points.tolist(), law.gap.tolist(), strict=True)
+    materials = {block_group(k): solid.material for k, solid in enumerate(deck.solids)}
     settings: dict[str, object] = {
-        "BLOCKS": {name: (material.E, material.nu, material.rho) for name, material in blocks.items()},
+        "BLOCKS": {name: (material.E, material.nu, material.rho) for name, material in materials.items()},
         "HELD": {name: _COMPONENTS[name] for name in held},
         "RELATIONS": [(tuple(map(single_group, points)), *others) for points, *others in relations],
         "FORCES": [(single_group(point), *forces[point].tolist()) for point in loaded.tolist()],
@@ -58,87 +70,38 @@ def _model(deck: Deck) -> tuple[dict[str, object], Groups]:
         "OPENINGS": [(single_group(point), gap) for point, gap in openings],
         "PROBES": {name: single_group(point) for name, point in deck.probes.items()},
         "HEAD": openings_head(len(deck.gaps), deck.probes),
-    }
-    discrete = {f"W{k}": wet[k : k + 1] for k in range(len(wet))} | gaps | pulled
-    single = np.unique(np.concatenate([loaded, jumps, probes, related]))
-    return settings, Groups(single, held, discrete)
-
-
-def _analysis(deck: Deck) -> dict[str, object]:
-    """Constants of the script on damping, the static step and the record."""
-    return {
         "ALPHA": deck.alpha,
         "BETA": deck.beta,
-        "STATIC": deck.static and bool(_forces(deck).any()),
+        "STATIC": deck.static and bool(forces.any()),
         "MODES": 10,
         "DT": deck.motion.dt,
         "STEPS": deck.motion.steps,
         "STRIDE": deck.motion.stride,
         "GROUND": deck.motion.acc.tolist(),
     }
-
-
-def _stated(deck: Deck) -> Iterator[str]:
-    yield "Such decks were never run in code_aster; they are written for version 17."
-    if any(solid.material.rho == 0.0 for solid in deck.solids):
-        yield "With massless blocks the first acceleration is zero, whatever acts at the start."
-    if ((deck.gaps.law.K_nz > 0.0) & _sticks(deck)).any():
-        yield "The limit of friction is of the normal force without the part of the tension stiffness."
-
-
-def _sticks(deck: Deck) -> Bools:
-    """(ng,) True for gaps that carry shear."""
-    return np.asarray((deck.gaps.friction > 0.0) & (deck.gaps.law.K_s > 0.0))
-
-
-def _jump_points(deck: Deck) -> Ints:
-    """(ng,) points whose displacement is a jump, behind those of the deck."""
-    return len(deck.points) + np.arange(len(deck.gaps))
-
-
-def _held(deck: Deck) -> dict[str, Ints]:
-    """Supports by component, and jump points without slips."""
-    held = [np.flatnonzero(column) for column in deck.fixed.T] + [_jump_points(deck)[~_sticks(deck)]]
-    return {name: points for name, points in zip(_COMPONENTS, held, strict=True) if len(points)}
+    probes = np.array(list(deck.probes.values()), dtype=np.int64)
+    related = np.array([point for points, _, _ in relations for point in points], dtype=np.int64)
+    single = np.unique(np.concatenate([loaded, jump_points, probes, related]))
+    discrete = {f"W{k}": wet[k : k + 1] for k in range(len(wet))} | gaps | pulled
+    head = comments("#", deck.title, deck.stated)
+    return {
+        "deck.comm": f"{head}\nDEBUT()\n\n{assignments(settings)}\n{_SCRIPT}",
+        "deck.mail": mail_text(deck, Groups(single, held, discrete)),
+        "deck.export": _EXPORT,
+    }, deck.stated
 
 
 def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]]:
     """Keywords of DIS_CONTACT, and points, of every group of gaps of one law."""
-    law, sticks = deck.gaps.law, _sticks(deck)
+    law, sticks = deck.gaps.law, deck.gaps.sticks
     columns = [law.K_n - law.K_nz, law.gap, sticks * law.K_s, sticks * deck.gaps.friction]
     kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     laws, points = {}, {}
     for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):
         keywords = {"RIGI_NOR": stiffness, "JEU": max(0.0, gap), "DIST_1": max(0.0, -gap)}
         laws[f"G{k}"] = keywords | ({"RIGI_TAN": shear, "COULOMB": friction} if shear else {})
-        points[f"G{k}"] = _jump_points(deck)[kind.ravel() == k]
+        points[f"G{k}"] = deck.jump_points[kind.ravel() == k]
     return laws, points
-
-
-def _tension(deck: Deck) -> tuple[dict[str, float], dict[str, Ints]]:
-    """Stiffness in both signs, and points, of gaps that have some in tension."""
-    stiffness = deck.gaps.law.K_nz
-    kinds = np.unique(stiffness[stiffness > 0.0]).tolist()
-    points = {f"T{k}": _jump_points(deck)[stiffness == kind] for k, kind in enumerate(kinds)}
-    return dict(zip(points, kinds, strict=True)), points
-
-
-def _forces(deck: Deck) -> Floats:
-    """(n + ng, 3) static forces; on jump points what the tension stiffness has at the initial gap."""
-    jump = np.zeros((len(deck.gaps), 3))
-    jump[:, 0] = -deck.gaps.law.K_nz * deck.gaps.law.gap
-    return np.concatenate([deck.force, jump])
-
-
-def _relations(deck: Deck) -> list[Relation]:
-    """Slave nodes of ties, then jumps, as linear relations."""
-    leads = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
-    sticks = _sticks(deck)
-    jumps = np.flatnonzero(np.column_stack([np.ones(len(sticks), dtype=bool), sticks, sticks]).ravel())
-    return [
-        *_rows(deck.follows[leads], np.flatnonzero(leads).tolist()),
-        *_rows(deck.jumps()[jumps], (jumps + 3 * len(deck.points)).tolist()),
-    ]
 
 
 def _rows(rows: csr_matrix, dofs: list[int]) -> Iterator[Relation]:

@@ -51,6 +51,11 @@ class Gaps:
         """(ng,) coefficient for both tangential directions, the smaller one."""
         return np.asarray(self.law.mu.min(axis=1))
 
+    @property
+    def sticks(self) -> Bools:
+        """(ng,) True for gaps that carry shear."""
+        return np.asarray((self.friction > 0.0) & (self.law.K_s > 0.0))
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -146,6 +151,11 @@ class Deck:
         for solid in self.solids:
             there[solid.cells] = True
         return there
+
+    @property
+    def jump_points(self) -> Ints:
+        """(ng,) numbers behind those of the deck, for points whose displacement is the jump of a gap."""
+        return len(self.points) + np.arange(len(self.gaps))
 
     def jumps(self) -> csr_matrix:
         """(3 ng, 3 n) opening without the initial gap, slips along j and k, from DOFs that follow none."""

@@ -30,7 +30,10 @@ def mesh_text(deck: Deck, names: list[str]) -> str:
     for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1):
         lines.append(f"*ELEMENT, TYPE={name}, ELSET=B{k}")
         for number, cell in enumerate((solid.cells + 1).tolist(), first):
-            lines += _split([number, *cell], 10)
+            # as many lines as it needs, all but the last with a comma at the end
+            words = [str(word) for word in (number, *cell)]
+            pieces = [", ".join(words[k : k + 10]) for k in range(0, len(words), 10)]
+            lines += [*(f"{piece}," for piece in pieces[:-1]), pieces[-1]]
         first += len(solid.cells)
         material = solid.material
         lines += [
@@ -47,7 +50,24 @@ def mesh_text(deck: Deck, names: list[str]) -> str:
     lines += [f"{p + 1}, {c + 1}, {c + 1}" for p, c in np.argwhere(deck.fixed).tolist()]
     leads = np.repeat(deck.meshed, 3) & (np.diff(deck.follows.indptr) > 0)
     lines += _equations(deck.follows[leads], np.flatnonzero(leads).tolist())
-    return "\n".join([*lines, *_masses(deck, first)]) + "\n"
+    # added mass at points that move as their wet node does along one direction
+    behind = len(deck.points) + 1
+    for k, (point, mass, axis) in enumerate(deck.wet()):
+        node = behind + k
+        rows = np.zeros((3, 3 * len(deck.points)))
+        rows[:, 3 * point : 3 * point + 3] = np.outer(axis, axis)
+        lines += ["*NODE", *_points(deck.points[point][None], np.array([node]))]
+        kept = [c for c in range(3) if abs(axis[c]) > 1e-9]
+        lines += _equations(csr_matrix(rows[kept]), [3 * (node - 1) + c for c in kept])
+        lines += [
+            f"*ELEMENT, TYPE=MASS, ELSET=W{k}",
+            f"{first + k}, {node}",
+            f"*MASS, ELSET=W{k}",
+            _number(mass),
+        ]
+        lines += ["*ELSET, ELSET=EALL", f"W{k}", "*BOUNDARY" if len(kept) < 3 else "**"]
+        lines += [f"{node}, {c + 1}, {c + 1}" for c in range(3) if c not in kept]
+    return "\n".join(lines) + "\n"
 
 
 def gaps_text(deck: Deck) -> str:
@@ -56,7 +76,7 @@ def gaps_text(deck: Deck) -> str:
     if not count:
         return "** no gaps\n"
     first = jump_node(deck)
-    sticks = (gaps.friction > 0.0) & (law.K_s > 0.0)
+    sticks = gaps.sticks
     dofs = np.flatnonzero(np.column_stack([np.ones(count, dtype=bool), sticks, sticks]).ravel())
     nodes = deck.points[gaps.points[:, 0]]
     lines = ["*NODE, NSET=GAPS", *_points(nodes, first + np.arange(count))]
@@ -66,7 +86,10 @@ def gaps_text(deck: Deck) -> str:
     kinds, kind = np.unique(np.column_stack([law.K_n, law.K_nz, law.gap]), axis=0, return_inverse=True)
     for k, (K_n, K_nz, gap) in enumerate(kinds.tolist()):
         of_kind = np.flatnonzero(kind.ravel() == k)
-        lines += [f"*ELEMENT, TYPE=SPRING1, ELSET=G{k}", *_spring_elements(of_kind, number, first)]
+        lines += [
+            f"*ELEMENT, TYPE=SPRING1, ELSET=G{k}",
+            *((f"{number + i}, {first + gap}" for i, gap in enumerate(of_kind.tolist()))),
+        ]
         lines += [f"*SPRING, NONLINEAR, ELSET=G{k}", "1"]
         lines += [f"{_number(-K_n * _REACH)}, {_number(-gap - _REACH)}", f"0.0, {_number(-gap)}"]
         lines.append(f"{_number(K_nz * _REACH)}, {_number(_REACH - gap)}")
@@ -76,7 +99,7 @@ def gaps_text(deck: Deck) -> str:
         for axis in (2, 3):
             lines += [
                 f"*ELEMENT, TYPE=SPRING1, ELSET=S{k}_{axis}",
-                *_spring_elements(sliding_gaps, number, first),
+                *((f"{number + i}, {first + gap}" for i, gap in enumerate(sliding_gaps.tolist()))),
             ]
             lines += [f"*SPRING, ELSET=S{k}_{axis}", str(axis), _number(stiffness)]
             number += len(sliding_gaps)
@@ -88,10 +111,6 @@ def jump_node(deck: Deck) -> int:
     return len(deck.points) + sum(1 for _ in deck.wet()) + 1
 
 
-def _spring_elements(indices: Ints, number: int, first: int) -> Iterator[str]:
-    return (f"{number + i}, {first + gap}" for i, gap in enumerate(indices.tolist()))
-
-
 def _points(points: Floats, numbers: Ints) -> Iterator[str]:
     rows = zip(numbers.tolist(), points.tolist(), strict=True)
     return (f"{k}, {', '.join(map(_number, point))}" for k, point in rows)
@@ -100,12 +119,6 @@ def _points(points: Floats, numbers: Ints) -> Iterator[str]:
 def _number(value: float) -> str:
     """A number in the 20 characters that CalculiX reads of one, always with a point."""
     return f"{value:.12E}"
-
-
-def _split(words: list[object], most: int) -> list[str]:
-    """Words on as many lines as they need, all but the last with a comma at the end."""
-    parts = [", ".join(map(str, words[k : k + most])) for k in range(0, len(words), most)]
-    return [*(f"{word}," for word in parts[:-1]), parts[-1]]
 
 
 def _equations(rows: csr_matrix, dofs: list[int]) -> list[str]:
@@ -120,27 +133,6 @@ def _equations(rows: csr_matrix, dofs: list[int]) -> list[str]:
     return lines
 
 
-def _masses(deck: Deck, element: int) -> list[str]:
-    lines: list[str] = []
-    size, first = 3 * len(deck.points), len(deck.points) + 1
-    for k, (point, mass, axis) in enumerate(deck.wet()):
-        node = first + k
-        rows = np.zeros((3, size))
-        rows[:, 3 * point : 3 * point + 3] = np.outer(axis, axis)
-        lines += ["*NODE", *_points(deck.points[point][None], np.array([node]))]
-        kept = [c for c in range(3) if abs(axis[c]) > 1e-9]
-        lines += _equations(csr_matrix(rows[kept]), [3 * (node - 1) + c for c in kept])
-        lines += [
-            f"*ELEMENT, TYPE=MASS, ELSET=W{k}",
-            f"{element + k}, {node}",
-            f"*MASS, ELSET=W{k}",
-            _number(mass),
-        ]
-        lines += ["*ELSET, ELSET=EALL", f"W{k}", "*BOUNDARY" if len(kept) < 3 else "**"]
-        lines += [f"{node}, {c + 1}, {c + 1}" for c in range(3) if c not in kept]
-    return lines
-
-
 def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[str, ...] = ()) -> str:
     """The static step, and the record as inertia of what has mass, each with what controls and prints it.
 
@@ -152,11 +144,15 @@ def steps_text(deck: Deck, control: list[str], output: list[str], also: tuple[st
         f"{p + 1}, {c + 1}, {_number(deck.force[p, c])}"
         for p, c in np.argwhere(abs(deck.force) > _ROUNDING * abs(deck.force).max(initial=0.0)).tolist()
     ]
-    lines = _amplitudes(deck)
+    step, end = _number(motion.dt), _number(motion.steps * motion.dt)
+    lines = ["*AMPLITUDE, NAME=ALWAYS", f"0.0, 1.0, {end}, 1.0"]
+    for axis, acc in zip("XYZ", motion.acc, strict=True):
+        if acc.any():
+            lines.append(f"*AMPLITUDE, NAME=GROUND_{axis}")
+            lines += [f"{_number(k * motion.dt)}, {_number(a)}" for k, a in enumerate(acc.tolist())]
     if deck.static and loads:
         lines += ["*STEP, INC=1000", "*STATIC", "0.1, 1.0", *control, "*CLOAD", *loads, *output]
         lines += [*also, "*END STEP"]
-    step, end = _number(motion.dt), _number(motion.steps * motion.dt)
     least = _number(_LEAST_STEP * motion.dt)
     lines += ["*STEP, INC=10000000", "*DYNAMIC, ALPHA=-0.05", f"{step}, {end}, {least}, {step}", *control]
     if loads and not deck.static:
@@ -177,17 +173,6 @@ def probes_text(deck: Deck) -> str:
 def frequencies_text() -> str:
     """Natural frequencies with open joints: of the mesh alone."""
     return f"*INCLUDE, INPUT=mesh.inp\n*STEP\n*FREQUENCY\n{_FREQUENCIES}\n*END STEP\n"
-
-
-def _amplitudes(deck: Deck) -> list[str]:
-    motion = deck.motion
-    end = _number(motion.steps * motion.dt)
-    lines = ["*AMPLITUDE, NAME=ALWAYS", f"0.0, 1.0, {end}, 1.0"]
-    for axis, acc in zip("XYZ", motion.acc, strict=True):
-        if acc.any():
-            lines.append(f"*AMPLITUDE, NAME=GROUND_{axis}")
-            lines += [f"{_number(k * motion.dt)}, {_number(a)}" for k, a in enumerate(acc.tolist())]
-    return lines
 
 
 def shared_statements(deck: Deck) -> Iterator[str]:

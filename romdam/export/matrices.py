@@ -19,7 +19,7 @@ from scipy.io import mmwrite
 from scipy.sparse import csr_matrix, issparse
 
 from romdam.config.sections.job import DampingConfig
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.files import replacing
 from romdam.core.scene import Block, Scene
@@ -106,7 +106,7 @@ def write(
         if reduced is None:
             export: BlockExport | str = _unreduced(scene, block, operators[name], damping)
         else:
-            export = _why_not(scene, name) or _reduced(scene, reduced, name, operators[name])
+            export = _reduced(scene, reduced, name, operators[name])
         if isinstance(export, str):
             log.warning("block %s: no matrices of its own, %s; system.h5 has all of it", name, export)
         else:
@@ -165,19 +165,23 @@ def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
     )
 
 
-def _why_not(scene: Scene, name: str) -> str:
-    """Reason why a reduced block cannot stand alone; empty where it can."""
+def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -> BlockExport | str:
+    """Reduce a block to what joints and outputs see and coordinates of its own, or say why that cannot be."""
+    block, basis = scene.blocks[name], reduced.basis[name]
     part = next(part for part in scene_parts(scene).values() if name in part.blocks)
     if len(part.blocks) > 1:
         return f"since ties make it one with {', '.join(b for b in part.blocks if b != name)}"
     if scene.reservoir is not None:
         return "since water couples it to others"
-    return "since it has no mass" if scene.blocks[name].material.rho == 0.0 else ""
-
-
-def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -> BlockExport | str:
-    block, basis = scene.blocks[name], reduced.basis[name]
-    seen = _seen(scene, name, gaps)
+    if block.material.rho == 0.0:
+        return "since it has no mass"
+    # (3 n,) displacements that joints see, and of nodes that are written, less what supports hold
+    seen = np.zeros(gaps.shape[1], dtype=bool)
+    seen[np.unique(gaps.indices[gaps.data != 0.0])] = True
+    for probe in scene.probes:
+        if probe.block == name:
+            seen[3 * probe.node : 3 * probe.node + 3] = True
+    seen &= ~scene.fixed[name].ravel()
     V_b = basis.vectors.rows(np.flatnonzero(seen))
     singular = np.linalg.svd(V_b, compute_uv=False)
     if len(V_b) > V_b.shape[1] or (len(singular) and singular[-1] < _RANK * singular[0]):
@@ -202,16 +206,6 @@ def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -
         force=(T.T @ force).reshape(-1, 1),
         drag=np.zeros((T.shape[1], 0)),
     )
-
-
-def _seen(scene: Scene, name: str, gaps: csr_matrix) -> Bools:
-    """(3 n,) displacements that joints see, and of nodes that are written, less what supports hold."""
-    seen = np.zeros(gaps.shape[1], dtype=bool)
-    seen[np.unique(gaps.indices[gaps.data != 0.0])] = True
-    for probe in scene.probes:
-        if probe.block == name:
-            seen[3 * probe.node : 3 * probe.node + 3] = True
-    return np.asarray(seen & ~scene.fixed[name].ravel())
 
 
 def _transform(V_b: Floats, omega2: Floats) -> Floats | None:

@@ -10,11 +10,8 @@ sixth of its volume and prints its shape functions at every call, so it is not a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.export.deck import Deck
 from romdam.export.tables import assignments, comments, openings_head, table
@@ -38,7 +35,21 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
             "openseespy has no linear constraints of several nodes; give faces the same nodes and "
             "discretization: node_to_node, or export to calculix or abaqus"
         )
-    deck = deck.stating(*_stated(deck))
+    stated, diagonal = [], np.einsum("nii->ni", deck.added_mass)
+    if "tet4" in {solid.element for solid in deck.solids}:
+        stated.append(
+            "FourNodeTetrahedron integrates its mass with one point, romdam exactly: frequencies differ."
+        )
+    # largest coupling of directions over the largest mass of a point
+    largest = diagonal.max(axis=1, initial=0.0)
+    off = np.abs(deck.added_mass * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
+    coupled = float((off[largest > 0.0] / largest[largest > 0.0]).max(initial=0.0))
+    if coupled > 0.0:
+        stated.append(
+            "Added mass has no coupling of directions, which on inclined faces is up to "
+            f"{100 * coupled:.0f} % of its largest component: nodes have three masses."
+        )
+    deck = deck.stating(*stated)
     head = comments("#", deck.title, deck.stated)
     settings = {
         "DT": deck.motion.dt,
@@ -55,59 +66,45 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
             for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1)
         },
     }
+    node_head = ["node", *(f"{what}{axis}" for what in ("", "fix_", "mass_", "force_") for axis in "xyz")]
+    columns = (deck.points, deck.fixed.astype(int), diagonal, deck.force)
+    of_nodes = zip(*(column.tolist() for column in columns), strict=True)
+    nodes = [[k, *at, *fixed, *mass, *force] for k, (at, fixed, mass, force) in enumerate(of_nodes, 1)]
+    cells = [
+        [k, " ".join(map(str, cell))]
+        for k, solid in enumerate(deck.solids, 1)
+        for cell in (solid.cells + 1).tolist()
+    ]
+    gaps, law = deck.gaps, deck.gaps.law
+    gap_head = [
+        "joint",
+        "I",
+        "J",
+        "nx",
+        "ny",
+        "nz",
+        "jx",
+        "jy",
+        "jz",
+        "K_n",
+        "K_nz",
+        "K_s",
+        "friction",
+        "gap",
+    ]
+    parameters = np.column_stack([law.K_n, law.K_nz, law.K_s, gaps.friction, law.gap])
+    of_gaps = (gaps.points + 1, gaps.axes[:, :2].reshape(-1, 6), parameters)
+    gap_rows = [
+        [name, *points, *axes, *numbers]
+        for name, points, axes, numbers in zip(gaps.joint, *(each.tolist() for each in of_gaps), strict=True)
+    ]
     return {
         "deck.py": f"{head}\n{_IMPORTS}\n{assignments(settings)}\n{_SCRIPT}",
-        "nodes.csv": _nodes(deck),
-        "elements.csv": table(["block", "nodes"], _cells(deck)),
-        "gaps.csv": _gaps(deck),
+        "nodes.csv": table(node_head, nodes),
+        "elements.csv": table(["block", "nodes"], cells),
+        "gaps.csv": table(gap_head, gap_rows),
         "record.csv": table(["x", "y", "z"], deck.motion.acc.T.tolist()),
     }, deck.stated
-
-
-def _stated(deck: Deck) -> Iterator[str]:
-    if "tet4" in {solid.element for solid in deck.solids}:
-        yield "FourNodeTetrahedron integrates its mass with one point, romdam exactly: frequencies differ."
-    coupled = _coupled(deck.added_mass)
-    if coupled > 0.0:
-        yield (
-            "Added mass has no coupling of directions, which on inclined faces is up to "
-            f"{100 * coupled:.0f} % of its largest component: nodes have three masses."
-        )
-
-
-def _coupled(mass: Floats) -> float:
-    """Largest coupling of directions over the largest mass of a point."""
-    diagonal = np.einsum("nii->ni", mass).max(axis=1, initial=0.0)
-    off = np.abs(mass * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
-    return float((off[diagonal > 0.0] / diagonal[diagonal > 0.0]).max(initial=0.0))
-
-
-def _nodes(deck: Deck) -> str:
-    head = [f"{what}{axis}" for what in ("", "fix_", "mass_", "force_") for axis in "xyz"]
-    mass = np.einsum("nii->ni", deck.added_mass)
-    columns = zip(
-        deck.points.tolist(), deck.fixed.astype(int).tolist(), mass.tolist(), deck.force.tolist(), strict=True
-    )
-    return table(["node", *head], ([k, *p, *f, *m, *q] for k, (p, f, m, q) in enumerate(columns, 1)))
-
-
-def _cells(deck: Deck) -> Iterator[list[object]]:
-    for k, solid in enumerate(deck.solids, 1):
-        yield from ([k, " ".join(map(str, cell))] for cell in (solid.cells + 1).tolist())
-
-
-def _gaps(deck: Deck) -> str:
-    gaps, law = deck.gaps, deck.gaps.law
-    head = ["joint", "I", "J", "nx", "ny", "nz", "jx", "jy", "jz", "K_n", "K_nz", "K_s", "friction", "gap"]
-    numbers = np.column_stack([law.K_n, law.K_nz, law.K_s, gaps.friction, law.gap])
-    rows = zip(
-        gaps.joint,
-        (gaps.points + 1).tolist(),
-        gaps.axes[:, :2].reshape(-1, 6).tolist(),
-        numbers.tolist(),
-        strict=True,
-    )
-    return table(head, ([name, *points, *axes, *parameters] for name, points, axes, parameters in rows))
 
 
 _IMPORTS = """
