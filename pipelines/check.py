@@ -35,9 +35,9 @@ from romdam.pipelines.suites.plan import make_plan
 from romdam.pipelines.summary import refuse_summary
 from romdam.records.record_set import load_motions
 from romdam.reduction.closed_joints import MOST, closed_frequencies
+from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
-from romdam.reduction.synthesis import mode_choice
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import initial_state
 from romdam.timestepping.steps import Steps

@@ -54,7 +54,6 @@ TYPES = {
     "romdam.contact.laws.crack_water": LAWS,
     "romdam.contact.laws.law": LAWS,
     "romdam.reduction.basis": {"effects"},
-    "romdam.reduction.storage.keys": {"results"},
     "romdam.reduction.storage.model_file": {"results"},
     "romdam.reduction.storage.user_cache": {"__init__", "commands", "terminal"},  # listed, cleared by command
     "romdam.geometry.elements": {"results", "visual"},

@@ -19,7 +19,6 @@ TO_DO = {
     "romdam/contact/step.py",
     "romdam/effects/added_mass.py",
     "romdam/fem/stress.py",
-    "romdam/reduction/synthesis.py",
     "romdam/timestepping/equilibrium.py",
     "romdam/timestepping/modal/loop.py",
     "romdam/timestepping/modal/massless_boundary.py",

@@ -15,8 +15,9 @@ import romdam
 from romdam.core.files import hold
 from romdam.core.sealed import is_sealed
 from romdam.pipelines.check import check
-from romdam.reduction import single_block
-from romdam.reduction.storage import keys, user_cache
+from romdam.reduction import reductor
+from romdam.reduction.methods.craig_bampton import CraigBampton
+from romdam.reduction.storage import user_cache
 from romdam.reduction.storage.user_cache import cache_folder, entries, open_store, remove
 
 VARIABLES = ("opening", "normal_force", "reduced_coordinates", "energy_strain", "estimated_error_l2")
@@ -32,13 +33,13 @@ def job(tmp_path):
 @pytest.fixture
 def counted(monkeypatch):
     """Names of the blocks that are reduced, one entry each time."""
-    done, real = [], single_block._reduce
+    done, real = [], CraigBampton.reduce
 
-    def reduce(block, *rest):
-        done.append(block.name)
-        return real(block, *rest)
+    def reduce(self, substructure, *rest):
+        done.extend(substructure.blocks)
+        return real(self, substructure, *rest)
 
-    monkeypatch.setattr(single_block, "_reduce", reduce)
+    monkeypatch.setattr(CraigBampton, "reduce", reduce)
     return done
 
 
@@ -104,7 +105,7 @@ def is_finer(path):
 def test_other_code_finds_nothing(tmp_path, job, counted, monkeypatch):
     romdam.run(job, tmp_path / "out", cache=cache_folder())
     made = len(counted)
-    monkeypatch.setattr(keys, "code_digest", lambda *rooms: "other")
+    monkeypatch.setattr(reductor, "code_digest", lambda *rooms: "other")
     romdam.run(job, tmp_path / "out", cache=cache_folder())
     assert len(counted) == 2 * made and len(entries(cache_folder())) == 4 * made  # with the finer basis
 
@@ -115,7 +116,7 @@ def test_other_code_finds_nothing_in_a_folder_that_was_named(tmp_path, job, coun
     made = len(counted)
     romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
     assert len(counted) == made > 0
-    monkeypatch.setattr(keys, "code_digest", lambda *rooms: "other")
+    monkeypatch.setattr(reductor, "code_digest", lambda *rooms: "other")
     romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
     assert len(counted) == 2 * made
 

@@ -37,8 +37,9 @@ from romdam.pipelines.run import Clock, Stage, reduced_model, silent
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
+from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.refinement import embedding, mesh_basis, much_finer
-from romdam.reduction.synthesis import ReducedModel, mode_choice, reduce_scene
+from romdam.reduction.synthesis import ReducedModel, reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import varied_keys
 from romdam.timestepping.integrators.registry import integrator_class

@@ -26,7 +26,7 @@ from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
+from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
 from romdam.timestepping.integrators.registry import FULL_ORDER

@@ -11,6 +11,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.effect import Coordinates, MeshCoordinates
 from romdam.effects.scene_effects import scene_effects
+from romdam.fem.assembly import Assembly
 from romdam.fem.damping import sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
@@ -38,15 +39,18 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     law, numbered, parts = gap_law(scene), unknowns(scene), scene_parts(scene)
     operators = gap_operators(scene, law.directions)
     more = point_operators(scene, law.directions)
+    assembly = Assembly(scene.blocks)
+    effects = scene_effects(scene, damping, law.directions, assembly)
     K, M, B, load, at_point, rigid = [], [], [], [], [], []
     for name, part in parts.items():
         free = numbered.free[name]
-        stiffness, mass, inertia = part_matrices(part, scene.blocks)
+        stiffness, mass = part_matrices(part, assembly)
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
         at_point += [] if more is None else [part_operator(part, more)[:, free]]
-        load.append(part_inertia(part, scene, inertia)[free])
+        load.append(part_inertia(part, scene, assembly)[free])
+        assembly.release(part.blocks)
         rigid.append(sliding_motions(part, scene, K[-1], M[-1], free))
     held = [part.stands_free(scene) for part in parts.values()]
     mass, jumps = csr_matrix(block_diag(M)), csr_matrix(hstack(B))
@@ -66,7 +70,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
     )
     coordinates: Coordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))
-    for effect in scene_effects(scene, damping, law.directions):
+    for effect in effects:
         system, coordinates = effect.add(system, coordinates)
     return system
 

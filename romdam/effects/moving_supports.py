@@ -26,9 +26,9 @@ from romdam.core.motion import Motion
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import Coordinates
-from romdam.fem.assembly import assemble, assemble_mass
+from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_operators, point_operators
-from romdam.fem.parts import assemble_part, gather
+from romdam.fem.parts import gather, part_matrices
 from romdam.geometry.elements import Floats
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solving, make_solver
@@ -59,21 +59,26 @@ class CarriedInertia:
         return self.inertia
 
 
-def moving_supports(scene: Scene, directions: int, solving: Solving = AUTO) -> CarriedInertia | None:
+def moving_supports(
+    scene: Scene, directions: int, assembly: Assembly, solving: Solving = AUTO
+) -> CarriedInertia | None:
     """The effect of a scene's moving supports; None where all move as the base does. See `pseudo_static`."""
-    moving = pseudo_static(scene, directions, solving)
+    moving = pseudo_static(scene, directions, assembly, solving)
     if moving is None:
         return None
-    inertia = {name: assemble_mass(scene.blocks[name]) @ u for name, u in moving.shapes.items()}
+    inertia = {name: assembly.matrices(name)[1] @ u for name, u in moving.shapes.items()}
     return CarriedInertia(moving, {name: np.asarray(values) for name, values in inertia.items()})
 
 
-def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> PseudoStatic | None:
+def pseudo_static(
+    scene: Scene, directions: int, assembly: Assembly, solving: Solving = AUTO
+) -> PseudoStatic | None:
     """Solve for what a scene's moving supports displace; None where all move as the base does.
 
     Parameters
     ----------
     directions : of every gap, 1 or 3
+    assembly : matrices of the scene's blocks
     solving : how large parts are solved
 
     Raises
@@ -85,7 +90,7 @@ def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> Pse
         return None
     shapes: dict[str, Floats] = {}
     for part in scene_parts(scene).values():
-        shapes |= _shapes(part, scene, solving)
+        shapes |= _shapes(part, scene, assembly, solving)
     more = point_operators(scene, directions)
     rows = [shapes[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
     return PseudoStatic(
@@ -94,7 +99,7 @@ def pseudo_static(scene: Scene, directions: int, solving: Solving = AUTO) -> Pse
         jump=applied(gap_operators(scene, directions), shapes),
         at_point=None if more is None else applied(more, shapes),
         observe=np.vstack([np.zeros((0, 3 * len(scene.moving.motions))), *rows]),
-        stiffness=sum(u.T @ (assemble(scene.blocks[name])[0] @ u) for name, u in shapes.items()),
+        stiffness=sum(u.T @ (assembly.matrices(name)[0] @ u) for name, u in shapes.items()),
     )
 
 
@@ -103,15 +108,15 @@ def applied(operators: Mapping[str, csr_matrix], shapes: Mapping[str, Floats]) -
     return np.asarray(sum(operator @ shapes[name] for name, operator in operators.items()))
 
 
-def _shapes(part: Part, scene: Scene, solving: Solving) -> dict[str, Floats]:
+def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> dict[str, Floats]:
     """u_s of a part's blocks."""
     held, size = _prescribed(part, scene), 3 * part.nodes
     moved, free = held[:size].copy(), ~part.fixed(scene.fixed).ravel()
     if held.any() and free.any():
         _refuse_loose(part, scene)
         blocks = _of_blocks(part, moved, held[size:])
-        force = gather(part, {name: -(assemble(scene.blocks[name])[0] @ u) for name, u in blocks.items()})
-        K = csr_matrix(assemble_part(part, scene.blocks)[0][free][:, free])
+        force = gather(part, {name: -(assembly.matrices(name)[0] @ u) for name, u in blocks.items()})
+        K = csr_matrix(part_matrices(part, assembly)[0][free][:, free])
         rigid = rigid_motions(part.mesh(scene.blocks), np.arange(part.nodes)).reshape(-1, 6)[free]
         motions = Motions(np.flatnonzero(free), rigid)
         moved[free] = make_solver(K, motions, held.shape[1], solving, f"part {part.name}").solve(force[free])

@@ -11,11 +11,12 @@ from romdam.effects.effect import Effect
 from romdam.effects.free_field import incoming_waves
 from romdam.effects.moving_supports import moving_supports
 from romdam.effects.static_loads import static_loads
+from romdam.fem.assembly import Assembly
 from romdam.linalg.solvers import AUTO, Solving
 
 
 def scene_effects(
-    scene: Scene, damping: DampingConfig, directions: int, solving: Solving = AUTO
+    scene: Scene, damping: DampingConfig, directions: int, assembly: Assembly, solving: Solving = AUTO
 ) -> tuple[Effect, ...]:
     """Make the effects of a scene.
 
@@ -25,6 +26,7 @@ def scene_effects(
     Parameters
     ----------
     directions : of every gap, 1 or 3
+    assembly : matrices of the scene's blocks
     solving : how large parts are solved
 
     Raises
@@ -36,7 +38,7 @@ def scene_effects(
     """
     found: list[Effect | None] = [
         static_loads(scene),
-        moving_supports(scene, directions, solving),
+        moving_supports(scene, directions, assembly, solving),
         added_mass(scene),
         SolidDamping(scene, damping),
         incoming_waves(scene, damping),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,34 @@ from romdam.geometry.meshes.kinds import chunks_of
 from romdam.geometry.meshes.quality import refuse_inverted
 
 _CHUNK = 512  # cells at a time: element matrices that stay in the cache, 4 MB for tet10
+
+
+class Assembly:
+    """Stiffness and mass of blocks: each block is assembled once, when its matrices are first asked for.
+
+    Parameters
+    ----------
+    blocks : block name -> block
+    """
+
+    def __init__(self, blocks: Mapping[str, Block]) -> None:
+        self._blocks = blocks
+        self._matrices: dict[str, tuple[csr_matrix, csr_matrix]] = {}
+
+    def matrices(self, name: str) -> tuple[csr_matrix, csr_matrix]:
+        """Return K [N/m] and M [kg] of a block, see `assemble`."""
+        if name not in self._matrices:
+            self._matrices[name] = assemble(self._blocks[name])
+        return self._matrices[name]
+
+    def inertia(self, name: str) -> Floats:
+        """Return M r of a block for unit translations r, (3 n, 3) [kg]."""
+        return inertia(self._blocks[name], self.matrices(name)[1])
+
+    def release(self, names: Iterable[str]) -> None:
+        """Free the memory of blocks whose matrices are not needed any more."""
+        for name in names:
+            self._matrices.pop(name, None)
 
 
 def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:

@@ -9,36 +9,30 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.basis import BlockBasis
-from romdam.core.scene import Block, Bools, Scene
-from romdam.fem.assembly import assemble, inertia
+from romdam.core.scene import Bools, Scene
+from romdam.fem.assembly import Assembly
 from romdam.geometry.elements import Floats
 from romdam.scene.ties import Part, scene_parts
 
 
-def assemble_part(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix]:
+def part_matrices(part: Part, assembly: Assembly) -> tuple[csr_matrix, csr_matrix]:
     """Stiffness and mass over the part's DOFs, (3 nodes, 3 nodes) each; supports not applied."""
-    return part_matrices(part, blocks)[:2]
-
-
-def part_matrices(part: Part, blocks: dict[str, Block]) -> tuple[csr_matrix, csr_matrix, dict[str, Floats]]:
-    """`assemble_part`, and M r of every block for unit translations r, (3 n, 3) over its own DOFs [kg]."""
     size = 3 * part.nodes
-    K, M, carried = csr_matrix((size, size)), csr_matrix((size, size)), {}
+    K, M = csr_matrix((size, size)), csr_matrix((size, size))
     for name in part.blocks:
         spread = part.spread(name)
-        stiffness, mass = assemble(blocks[name])
+        stiffness, mass = assembly.matrices(name)
         K, M = K + spread.T @ stiffness @ spread, M + spread.T @ mass @ spread
-        carried[name] = inertia(blocks[name], mass)
-    return csr_matrix(K), csr_matrix(M), carried
+    return csr_matrix(K), csr_matrix(M)
 
 
-def part_inertia(part: Part, scene: Scene, inertia: Mapping[str, Floats]) -> Floats:
-    """M r of the blocks that the ground's acceleration acts on, (3 nodes, 3), from that of each [kg].
+def part_inertia(part: Part, scene: Scene, assembly: Assembly) -> Floats:
+    """M r of the blocks that the ground's acceleration acts on, (3 nodes, 3) [kg].
 
     Block by block: the part's own mass lacks the coupling to slave nodes that supports hold.
     """
     still = scene.radiating
-    return gather(part, {name: (name not in still) * values for name, values in inertia.items()})
+    return gather(part, {name: (name not in still) * assembly.inertia(name) for name in part.blocks})
 
 
 def part_operator(part: Part, operators: dict[str, csr_matrix]) -> csr_matrix:

@@ -8,7 +8,7 @@ that contains another is kept as what it has besides.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -162,12 +162,6 @@ def over_coordinates(
     """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows."""
     total = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, operator in operators.items():
-        own = np.flatnonzero(operator.getnnz(axis=1))
-        total[own, basis[name].columns] += basis[name].vectors.under(operator[own])
+        rows = np.flatnonzero(operator.getnnz(axis=1))
+        total[rows, basis[name].columns] += basis[name].vectors.under(operator[rows])
     return total
-
-
-def with_inner(basis: BlockBasis, inner: BlockBasis) -> BlockBasis:
-    """A finer basis over the one that it contains, which lies elsewhere by now."""
-    assert isinstance(basis.vectors, Augmented)
-    return replace(basis, vectors=replace(basis.vectors, inner=inner))

@@ -58,9 +58,13 @@ def joint_interface(operator: csr_matrix, fixed: Bools) -> Interface:
         elif fixed[node].any():
             retained[node] = True
         else:
-            frames[node] = _frame(direction)
+            # rows: the direction and two tangents
+            frames[node] = np.linalg.qr(np.column_stack([direction, np.eye(3)]))[0].T
             retained[node, 0] = True
-    return Interface(turn=_block_rotation(frames, len(fixed)), retained=(retained & ~fixed).ravel())
+    turn = eye_array(fixed.size, format="lil" if frames else "csr")
+    for node, frame in frames.items():
+        turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3] = frame
+    return Interface(turn=csr_matrix(turn), retained=(retained & ~fixed).ravel())
 
 
 def sees_more_nodes_than_gaps(operator: csr_matrix, interface: Interface, directions: int) -> bool:
@@ -88,18 +92,3 @@ def _lone_directions(operator: csr_matrix) -> list[tuple[int, Floats | None]]:
     parallel = np.ones(len(seen), dtype=bool)
     parallel[which[np.linalg.norm(across, axis=1) > _PARALLEL * length[first][which]]] = False
     return [(int(n), d if lone else None) for n, d, lone in zip(seen, longest, parallel, strict=True)]
-
-
-def _frame(direction: Floats) -> Floats:
-    """Rows: the direction and two tangents."""
-    q, _ = np.linalg.qr(np.column_stack([direction, np.eye(3)]))
-    return np.asarray(q.T)
-
-
-def _block_rotation(frames: dict[int, Floats], nodes: int) -> csr_matrix:
-    if not frames:
-        return csr_matrix(eye_array(3 * nodes, format="csr"))
-    turn = eye_array(3 * nodes, format="lil")
-    for node, frame in frames.items():
-        turn[3 * node : 3 * node + 3, 3 * node : 3 * node + 3] = frame
-    return csr_matrix(turn)

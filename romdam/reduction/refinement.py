@@ -17,10 +17,10 @@ from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.parts import basis_over_unknowns
 from romdam.reduction.basis import Augmented, Lazy, over_coordinates
-from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.reduction.methods.massless import has_no_mass
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.substructure import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
-from romdam.scene.ties import Part, scene_parts
+from romdam.scene.ties import scene_parts
 
 _RESIDUAL_VECTORS = 10  # least number of the certificate's finer model
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
@@ -39,13 +39,13 @@ def parts_without_refinement(scene: Scene, coarse: ReducedModel, fine: ReducedMo
 
     What their basis leaves out shows in no difference of the two models. Parts without mass are exact.
     """
-    found = []
-    for part in scene_parts(scene).values():
-        size, finer = (_vectors(model.basis[part.blocks[0]].vectors) for model in (coarse, fine))
-        free = int((~part.fixed(scene.fixed)).sum())
-        if size == finer < free and not has_no_mass(part, scene):
-            found.append(part.name)
-    return found
+    names = []
+    for mesh_part in scene_parts(scene).values():
+        size, finer = (_vectors(model.basis[mesh_part.blocks[0]].vectors) for model in (coarse, fine))
+        free = int((~mesh_part.fixed(scene.fixed)).sum())
+        if size == finer < free and not has_no_mass(mesh_part, scene):
+            names.append(mesh_part.name)
+    return names
 
 
 def _vectors(basis: Basis) -> int:
@@ -60,14 +60,22 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     motion elsewhere. A part without mass has the same basis in both.
     """
     matrix = np.zeros((fine.system.size, coarse.system.size))
-    for part in scene_parts(scene).values():
-        first = part.blocks[0]
+    for mesh_part in scene_parts(scene).values():
+        first = mesh_part.blocks[0]
         rows, columns = (model.basis[first].columns for model in (fine, coarse))
-        if has_no_mass(part, scene):
+        if has_no_mass(mesh_part, scene):
             matrix[rows, columns] = np.eye(rows.stop - rows.start)
             continue
         known = _within(fine.basis[first].vectors, coarse.basis[first].vectors)
-        matrix[rows, columns] += _by_mass(part, scene, coarse, fine) if known is None else known
+        if known is not None:
+            matrix[rows, columns] += known
+            continue
+        by_mass: Floats = np.zeros(())
+        for name in mesh_part.blocks:
+            block, (a, b) = scene.blocks[name], (model.basis[name].vectors for model in (fine, coarse))
+            if block.material.rho > 0.0:
+                by_mass = by_mass + a.project(b.under(assemble_mass(block)))
+        matrix[rows, columns] += by_mass
     if fine.water is not None:
         onto, of = (over_coordinates(fine.water.coupling, m.basis, m.system.size) for m in (fine, coarse))
         matrix += onto.T @ fine.water.times(of)
@@ -81,10 +89,10 @@ def mesh_basis(scene: Scene, model: ReducedModel) -> Floats:
     """The basis over the unknowns of the mesh, (unknowns, size): u = basis @ q, water with waves included."""
     if model.reservoir is None:
         return basis_over_unknowns(scene, model.basis, model.system.size)
-    own = model.system.parts["reservoir"]
+    columns = model.system.parts["reservoir"]
     solids = basis_over_unknowns(scene, model.basis, model.system.size)
     water = np.zeros((len(model.reservoir), model.system.size))
-    water[:, own] = model.reservoir
+    water[:, columns] = model.reservoir
     return np.vstack([solids, water])
 
 
@@ -94,12 +102,3 @@ def _within(fine: Basis, coarse: Basis) -> Floats | None:
         inner = _within(fine.left, coarse.left)
         return None if inner is None else np.asarray(fine.right.T @ inner @ coarse.right)
     return fine.within if isinstance(fine, Augmented) and fine.inner.vectors is coarse else None
-
-
-def _by_mass(part: Part, scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> Floats:
-    found: Floats = np.zeros(())
-    for name in part.blocks:
-        block, (a, b) = scene.blocks[name], (model.basis[name].vectors for model in (fine, coarse))
-        if block.material.rho > 0.0:
-            found = found + a.project(b.under(assemble_mass(block)))
-    return found

@@ -16,11 +16,11 @@ from romdam.reduction.storage.keys import ROOMS
 
 def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
     """Block name -> (k, 6, r) and (r, m) whose product its fields (k, 6, m) are; see `factors`."""
-    found = {}
-    for name, own in fields.items():
-        left, right = factors(own.reshape(-1, own.shape[2]))
-        found[name] = left.reshape(len(own), 6, left.shape[1]), right
-    return found
+    products = {}
+    for name, field in fields.items():
+        left, right = factors(field.reshape(-1, field.shape[2]))
+        products[name] = left.reshape(len(field), 6, left.shape[1]), right
+    return products
 
 
 def digest_of_stress(

@@ -8,8 +8,7 @@ import h5py
 
 from romdam.core.errors import ResultError
 from romdam.core.sealed import examine, opened, text_of
-from romdam.reduction.storage.keys import LAYOUT
-from romdam.reduction.storage.model_file import read_block
+from romdam.reduction.storage.model_file import LAYOUT, read_block
 from romdam.results.fields import stored_digest
 
 _STRESS = "romdam-stress-"  # what the format of a stress file begins with, in any version
@@ -67,6 +66,7 @@ def _block_lines(name: str, group: h5py.Group) -> list[str]:
         f"{report.get('fixed_interface_modes')} fixed-interface modes ({asked}), "
         f"{report.get('static_vectors', 0)} static vectors, "
         f"{report.get('residual_vectors', report.get('corrections'))} residual vectors",
+        f"  method       {report.get('method', 'unknown')}",
         f"  frequencies  {lowest} Hz with the joints open; fixed interface up to "
         f"{report.get('highest_fixed_interface_hz', 0.0):.4g} Hz",
         f"  basis        {block.vectors.nbytes / 1e6:.1f} MB",

@@ -29,6 +29,7 @@ _OF_A_BLOCK = {  # attribute of a check -> key
     "cells": "cells",
     "free_dofs": "free_dofs",
     "part": "part",
+    "method": "reduction_method",
     "retained_dofs": "retained_dofs",
     "fixed_interface_modes": "fixed_interface_modes",
     "frequencies_hz": "frequencies_open_Hz",

@@ -36,7 +36,7 @@ from romdam.geometry.elements import Floats
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.simulate import simulate_one

@@ -59,29 +59,34 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     """Reduce one block in this process and tell what it took."""
     import logging
 
-    from scipy.sparse import eye_array
+    from scipy.sparse import csr_matrix
 
+    from romdam.core.scene import Scene
+    from romdam.fem.assembly import Assembly
     from romdam.linalg.solvers import Solving
-    from romdam.reduction.interface import Interface
-    from romdam.reduction.methods.craig_bampton import ModeChoice
-    from romdam.reduction.methods.out_of_core import LargeBlock, reduce_large
-    from romdam.reduction.storage.keys import block_key
+    from romdam.reduction.methods.out_of_core import CraigBamptonOutOfCore
+    from romdam.reduction.mode_choice import ModeChoice
+    from romdam.reduction.reductor import basis_keys, reduce_substructure
     from romdam.reduction.storage.model_file import BlockStore, read_block_file
+    from romdam.reduction.substructure import BlockLoads, Substructure
+    from romdam.scene.ties import scene_parts
 
     logging.basicConfig(level=logging.INFO, format="%(relativeCreated)8d ms  %(message)s")
     block = block_of(divisions)
     fixed = np.repeat((block.points[:, 2] == 0.0)[:, None], 3, axis=1)
     face = np.flatnonzero((block.points[:, 1] == 0.0) & (block.points[:, 2] > 0.0))
     chosen = face[np.round(np.linspace(0, len(face) - 1, gaps)).astype(int)]
-    retained = np.zeros(fixed.shape, dtype=bool)
-    retained[chosen, 1] = True
-    interface = Interface(eye_array(fixed.size, format="csr"), retained.ravel())
+    columns = 3 * chosen + 1  # normal gaps along y
+    entries = np.ones(gaps), (np.arange(gaps), columns)
+    operator, none = csr_matrix(entries, shape=(gaps, fixed.size)), np.zeros((fixed.size, 0))
+    scene = Scene({"b": block}, {}, {"b": fixed}, (), (), np.zeros(3), ())
+    loads = BlockLoads({"b": operator}, {"b": np.zeros(fixed.size)}, {"b": none}, 1, {"b": none})
+    substructure = Substructure(scene_parts(scene)["b"], scene, loads, Assembly(scene.blocks))
     choice = ModeChoice(cutoff=CUTOFF, solving=Solving(solver, 20e9))
-    store = BlockStore(folder / solver)
-    loads = np.zeros((fixed.size, 0))
-    key = block_key(block, fixed, interface, loads, choice)
+    store, reductor = BlockStore(folder / solver), CraigBamptonOutOfCore()
+    key = basis_keys(reductor, substructure, choice)["b"]
     start, cpu = time.perf_counter(), time.process_time()
-    (made,) = reduce_large(LargeBlock(block, fixed, loads, interface, True), choice, store, [key])
+    made = reduce_substructure(reductor, substructure, [choice], store)[0]["b"]
     found: dict[str, object] = {
         "unknowns": int((~fixed).sum()), "gaps": gaps, "solver": solver,
         "wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - cpu,
@@ -91,7 +96,7 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     }  # fmt: skip
     start = time.perf_counter()
     again = read_block_file(store.path(key))
-    again.vectors.rows()[retained.ravel()].sum()
+    again.vectors.rows()[columns].sum()
     return found | {"open_s": time.perf_counter() - start}
 
 

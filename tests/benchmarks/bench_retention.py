@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import sys
 import time
-from functools import partial
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,12 @@ from small_scenes import DAMPING, march, raw, reduced, scene, shaking
 
 from romdam.core.basis import BlockBasis
 from romdam.error.metrics import relative_l2
-from romdam.fem.assembly import assemble
-from romdam.reduction import synthesis
 from romdam.reduction.basis import Dense
 from romdam.reduction.interface import joint_interface
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.reductor import BasisFiles, Reductor
+from romdam.reduction.substructure import Substructure
+from romdam.reduction.synthesis import reduce_scene
 
 STEP = 0.00125
 CASES: dict[str, tuple[dict[str, Any], float]] = {
@@ -46,34 +47,44 @@ CASES: dict[str, tuple[dict[str, Any], float]] = {
 }
 
 
-def basis(
-    method: str, block: Any, operator: Any, fixed: Any, choices: list[ModeChoice], store: Any
-) -> list[BlockBasis]:
-    """A held block's basis by one of the three methods, in place of the library's."""
-    (choice,) = choices
-    free = np.flatnonzero(~fixed.ravel())
-    whole_K, whole_M = assemble(block)
-    K, M = (matrix[free][:, free].toarray() for matrix in (whole_K, whole_M))
-    if method == "nodes":
-        interface = joint_interface(operator, fixed)
-        rows = interface.turn[free][:, free].toarray()[interface.retained[free]]
-    else:
-        _, size, V = np.linalg.svd(operator[:, free].toarray(), full_matrices=False)
-        rows = V[size > 1e-10 * size[0]]
-    T, last = np.linalg.solve(K, rows.T), [0, (choice.count or 1) - 1]
-    if method == "free":
-        T = np.hstack([T, eigh(K, M, subset_by_index=last)[1]])
-    else:
-        N = null_space(rows)
-        T = np.hstack([T, N @ eigh(N.T @ K @ N, N.T @ M @ N, subset_by_index=last)[1]])
-    T /= np.sqrt((T * (M @ T)).sum(axis=0))
-    size, U = np.linalg.eigh(T.T @ M @ T)
-    T = T @ (U[:, size > 1e-13 * size[-1]] / np.sqrt(size[size > 1e-13 * size[-1]]))
-    omega2, V = eigh(T.T @ K @ T, T.T @ M @ T)
-    vectors = np.zeros((fixed.size, len(omega2)))
-    vectors[free] = T @ V
-    inertia = whole_M @ np.tile(np.eye(3), (len(block.points), 1))
-    return [BlockBasis(Dense(vectors), slice(0, len(omega2)), omega2, vectors.T @ inertia, {})]
+class DenseMethod(Reductor):
+    """A held block's basis by one of the three methods."""
+
+    name = "dense"
+
+    def __init__(self, method: str) -> None:
+        self.method = method
+
+    def serves(self, substructure: Substructure, choice: ModeChoice) -> bool:
+        return True
+
+    def reduce(
+        self, substructure: Substructure, choice: ModeChoice, files: BasisFiles
+    ) -> Iterator[dict[str, BlockBasis]]:
+        (name,) = substructure.blocks
+        operator, fixed = substructure.operator, substructure.scene.fixed[name]
+        free = np.flatnonzero(~fixed.ravel())
+        K, M = (matrix[free][:, free].toarray() for matrix in substructure.assembly.matrices(name))
+        if self.method == "nodes":
+            interface = joint_interface(operator, fixed)
+            rows = interface.turn[free][:, free].toarray()[interface.retained[free]]
+        else:
+            _, size, V = np.linalg.svd(operator[:, free].toarray(), full_matrices=False)
+            rows = V[size > 1e-10 * size[0]]
+        T, last = np.linalg.solve(K, rows.T), [0, (choice.count or 1) - 1]
+        if self.method == "free":
+            T = np.hstack([T, eigh(K, M, subset_by_index=last)[1]])
+        else:
+            N = null_space(rows)
+            T = np.hstack([T, N @ eigh(N.T @ K @ N, N.T @ M @ N, subset_by_index=last)[1]])
+        T /= np.sqrt((T * (M @ T)).sum(axis=0))
+        size, U = np.linalg.eigh(T.T @ M @ T)
+        T = T @ (U[:, size > 1e-13 * size[-1]] / np.sqrt(size[size > 1e-13 * size[-1]]))
+        omega2, V = eigh(T.T @ K @ T, T.T @ M @ T)
+        vectors = np.zeros((fixed.size, len(omega2)))
+        vectors[free] = T @ V
+        participation = vectors.T @ substructure.assembly.inertia(name)
+        yield {name: BlockBasis(Dense(vectors), slice(0, len(omega2)), omega2, participation, {})}
 
 
 def main() -> None:
@@ -91,20 +102,16 @@ def main() -> None:
         print(
             f"{name}: {exact.shape[1]} gaps, {exact.shape[2]} directions, opening {exact[..., 0].max():.2g} m"
         )
-        synthesis._by_free_modes = lambda *_: []
         for method in ("nodes", "gaps", "free"):
-            synthesis.reduced_block = partial(basis, method)
             for count in (5, 10, 20, 40):
-                system = synthesis.reduce_scene(built, ModeChoice(count), DAMPING).system
+                reductors = (DenseMethod(method),)
+                system = reduce_scene(built, ModeChoice(count), DAMPING, reductors=reductors).system
                 start = time.process_time()
                 error = relative_l2(jumps(system), exact)
                 seconds = time.process_time() - start
                 size = f"{method:5} {count:3} modes {system.size:4} unknowns"
                 print(f"  {size} {100 * error:7.3f} %  {seconds:.2f} s")
-        synthesis.reduced_block, synthesis._by_free_modes = KEPT
 
-
-KEPT = synthesis.reduced_block, synthesis._by_free_modes
 
 if __name__ == "__main__":
     main()

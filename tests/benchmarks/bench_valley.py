@@ -20,7 +20,7 @@ from simulating import simulated
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.scene import Scene
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 

@@ -36,7 +36,7 @@ from test_hard_configs import march as march_hard
 from romdam.core.system import History
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.simulate import simulate_one

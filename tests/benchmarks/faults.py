@@ -224,7 +224,7 @@ _FAULTS = [
         ("onto.T @ fine.water.times(of)", "onto.T @ of"),
     ),
     *_in(
-        "reduction/methods/inertia_relief.py",
+        "reduction/methods/merged_part.py",
         _REDUCTION,
         ("(2.0 * (loads.T @ inertia) - along", "((loads.T @ inertia) - along"),
     ),

@@ -38,7 +38,7 @@ from reference_run import ROOT, job
 from romdam.core.system import History, System
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.integrators.adaptive import Adaptive

@@ -19,7 +19,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.fem.column import wave_moduli
 from romdam.records.processing.integrate import displacement
 from romdam.records.processing.support_motions import add_support_rows
-from romdam.reduction.methods.craig_bampton import ALL_MODES
+from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.grouting import grouted

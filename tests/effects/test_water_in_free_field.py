@@ -21,7 +21,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.fem.column import respond
 from romdam.fem.parts import unknowns
 from romdam.fem.water.own_mesh import water_body
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 

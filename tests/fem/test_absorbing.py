@@ -13,7 +13,7 @@ from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.assembly import assemble
 from romdam.geometry.boxes import box_block
 from romdam.geometry.elements import SOLIDS
-from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
+from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.supports import has_no_rigid_body_mode
 

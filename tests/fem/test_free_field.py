@@ -19,7 +19,7 @@ from romdam.fem.column import respond, shapes, wave_moduli
 from romdam.pipelines.error.study import study
 from romdam.pipelines.run import run
 from romdam.records.processing.resampling import resample
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

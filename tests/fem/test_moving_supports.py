@@ -14,7 +14,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
 from romdam.records.processing.integrate import displacement, velocity
 from romdam.records.processing.support_motions import add_support_rows
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 

@@ -20,7 +20,7 @@ from romdam.effects.added_mass import added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
 from romdam.geometry.elements import SOLIDS
 from romdam.reduction.basis import Lazy
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import read_block
 from romdam.reduction.synthesis import reduce_scene

@@ -13,7 +13,7 @@ from romdam.config.sections.job import DampingConfig
 from romdam.config.sections.places import GridElement
 from romdam.core.errors import ConfigError
 from romdam.effects.full_order import assemble_full
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import Assembly, assemble
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import part_matrices, unknowns
 from romdam.geometry.facets import area_vectors, boundary_facets
@@ -166,7 +166,7 @@ def test_linear_displacement_passes_through_joints_that_are_tied(make, element):
     assert not scene.joints
     (part,) = scene_parts(scene).values()
     mesh = part.mesh(scene.blocks)
-    K = part_matrices(part, scene.blocks)[0]
+    K = part_matrices(part, Assembly(scene.blocks))[0]
     u = mesh.points @ np.array([[1.0, 0.3, -0.2], [0.1, -0.5, 0.4], [0.2, 0.6, 0.8]]).T
     force = (K @ u.ravel()).reshape(-1, 3)
     inner = np.setdiff1d(np.arange(part.nodes), np.unique(boundary_facets(mesh.cells, mesh.element)))

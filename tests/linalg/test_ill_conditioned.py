@@ -10,15 +10,15 @@ from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.errors import MeshError
 from romdam.core.scene import Material, Scene, Tie
-from romdam.fem.assembly import assemble
-from romdam.fem.parts import assemble_part
+from romdam.fem.assembly import Assembly, assemble
+from romdam.fem.parts import part_matrices
 from romdam.geometry.boxes import box_block
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.quality import refuse_bad_cells
 from romdam.linalg.modes.eigen import modes_below
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solving, make_solver
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.supports import rigid_motions
 from romdam.scene.ties import merged_parts
@@ -57,7 +57,7 @@ def soft_on_stiff():
     blocks = {"low": low, "high": high}
     tie = Tie("t", ("low", "high"), (order[0], order[1]))
     (part,) = merged_parts({n: np.zeros(b.points.shape, bool) for n, b in blocks.items()}, (tie,)).values()
-    return held(part.mesh(blocks), *assemble_part(part, blocks))
+    return held(part.mesh(blocks), *part_matrices(part, Assembly(blocks)))
 
 
 CASES = {"aspect ratio 50": flat_elements, "nu 0.49": nearly_incompressible, "contrast 1e4": soft_on_stiff}

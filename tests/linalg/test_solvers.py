@@ -24,7 +24,7 @@ from romdam.linalg.modes.flexibility import Flexibility
 from romdam.linalg.modes.lobpcg import Pencil, Wanted, block_modes, missed
 from romdam.linalg.multigrid import Motions, Multigrid
 from romdam.linalg.solvers import Solving, candidates, make_solver
-from romdam.reduction.methods.craig_bampton import FREE_SHIFT
+from romdam.reduction.substructure import FREE_SHIFT
 from romdam.scene.supports import rigid_motions
 
 pytest.importorskip("pyamg")

@@ -19,7 +19,7 @@ from romdam.error.replay import (
     replay_start,
 )
 from romdam.reduction.basis import Dense
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.refinement import embedding, much_finer
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.timestepping.settings import Settings

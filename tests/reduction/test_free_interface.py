@@ -23,7 +23,7 @@ from romdam.linalg.solvers import Solving
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.basis import Dense
 from romdam.reduction.methods import attachment_modes, free_interface
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
@@ -339,7 +339,7 @@ def test_further_vectors_that_a_basis_knows_leave_no_direction(tmp_path):
     pencil = attachment_modes.Pencil(Symmetric(csr_matrix(K)), csr_matrix(M), 0.0, np.arange(12))
     work, some = right.T @ values, T.narrowed(7)
     known = attachment_modes.diagonalised(some, 4, pencil, work[:, :7])
-    omega2, mix = attachment_modes.with_more(T, 2, pencil, work, known)
+    omega2, mix = attachment_modes.with_more(T, 2, pencil, work, *known)
     X = np.hstack([values[:, :7] @ known[1], values[:, 7:]]) @ mix
     span = np.linalg.qr(np.delete(values, 7, axis=1))[0]
     np.testing.assert_allclose(omega2, eigh(span.T @ K @ span, span.T @ M @ span)[0], rtol=1e-10)

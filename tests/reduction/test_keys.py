@@ -2,18 +2,22 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from scene_builders import two_boxes
-from scipy.sparse import csr_matrix
 
 import romdam
 from romdam.config import parse_config
+from romdam.config.sections.job import DampingConfig
+from romdam.effects.scene_effects import scene_effects
+from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_operators
-from romdam.reduction.interface import joint_interface
-from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.reduction.storage import keys
-from romdam.reduction.storage.keys import block_key, part_keys
+from romdam.reduction import reductor
+from romdam.reduction.methods.craig_bampton import CraigBampton
+from romdam.reduction.methods.free_interface import FreeInterface
+from romdam.reduction.methods.out_of_core import CraigBamptonOutOfCore
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.reductor import basis_keys
+from romdam.reduction.substructure import Substructure, assemble_block_loads
 from romdam.scene.build import build_scene
 from romdam.scene.ties import scene_parts
 
@@ -28,28 +32,38 @@ REST = {
 @pytest.fixture(autouse=True)
 def version(monkeypatch):
     monkeypatch.setattr(romdam, "__version__", "0.1.0")
-    monkeypatch.setattr(keys, "code_digest", lambda *rooms: "code")
+    monkeypatch.setattr(reductor, "code_digest", lambda *rooms: "code")
 
 
 def scene(raw):
     return build_scene(parse_config(REST | raw, "s.yaml"), Path(), "s.yaml")
 
 
+def substructure(built, part):
+    assembly = Assembly(built.blocks)
+    effects = scene_effects(built, DampingConfig(), 1, assembly)
+    loads = assemble_block_loads(built.blocks, gap_operators(built, 1), 1, effects)
+    return Substructure(scene_parts(built)[part], built, loads, assembly)
+
+
 @pytest.mark.parametrize(
     ("residual_vectors", "key"),
     [
-        (0, "497b9e6b08b34453ff8bee6af73773de8a8a91699e3800e0726ae294f6d99feb"),
-        (2, "79eacf4b39cbf126af05218bb663e4623958077bd5571172be20f5c9c6184cd6"),
+        (0, "fd164fb1ceeeaf1cc626c9e52acd889d2d552afe84eeeed28f8534afe01a9387"),
+        (2, "5dcefad017dd9bda34f2ef30c338ed2f091fa915e1c5f427881e1808725726a3"),
     ],
 )
 def test_key_of_a_block(residual_vectors, key):
-    built = scene(two_boxes())
-    interface = joint_interface(gap_operators(built, 1)["left"], built.fixed["left"])
-    choice = ModeChoice(5, residual_vectors=residual_vectors)
-    loads = np.zeros((built.blocks["left"].points.size, 0))
-    assert block_key(built.blocks["left"], built.fixed["left"], interface, loads, choice) == key
-    loads = np.ones((built.blocks["left"].points.size, 1))
-    assert block_key(built.blocks["left"], built.fixed["left"], interface, loads, choice) != key
+    raw, choice = two_boxes(), ModeChoice(5, residual_vectors=residual_vectors)
+    block = substructure(scene(raw), "left")
+    assert basis_keys(CraigBampton(), block, choice) == {"left": key}
+    for other in (CraigBamptonOutOfCore(), FreeInterface()):
+        assert basis_keys(other, block, choice) != {"left": key}, "another method"
+    assert basis_keys(CraigBampton(), block, ModeChoice(6, residual_vectors=residual_vectors)) != {
+        "left": key
+    }
+    pressed = raw | {"loads": {"pressure": [{"block": "left", "face": "xmin", "value": 1e5}]}}
+    assert basis_keys(CraigBampton(), substructure(scene(pressed), "left"), choice) != {"left": key}
 
 
 def test_keys_of_a_part():
@@ -57,9 +71,8 @@ def test_keys_of_a_part():
     built = scene(
         {k: v for k, v in raw.items() if k != "joints"} | {"ties": {"t": {"between": ["left", "right"]}}}
     )
-    (part,) = scene_parts(built).values()
-    nothing = csr_matrix((0, 3 * part.nodes)), np.zeros(3 * part.nodes)
-    assert part_keys(part, built, *nothing, ModeChoice(cutoff=9.0)) == {
-        "left": "0ff71a784ffe48c8043f9d936ada7aca7a8149fb97546a8895a5e9c2832d02b5",
-        "right": "6cc1ab63548632caf6bee05a6a6b5f053fe34d13d8c028230ade14c3473bca54",
+    keys = basis_keys(FreeInterface(), substructure(built, "left+right"), ModeChoice(cutoff=9.0))
+    assert keys == {
+        "left": "2b18e7aace6f173f1cc7d41615c9c1420202f52c2e0d52932abd83e41813936b",
+        "right": "1172791f8d8c5627eff6f322bb18a77b00865c1b608e52cb87da3dbcf3a48472",
     }

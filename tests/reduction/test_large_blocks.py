@@ -141,7 +141,7 @@ def test_a_mapped_basis_that_was_changed_is_made_again(through_the_disk, tmp_pat
 
 
 def test_memory_that_is_too_small_is_refused_before_anything_is_assembled(monkeypatch):
-    monkeypatch.setattr("romdam.reduction.single_block.assemble", None)
+    monkeypatch.setattr("romdam.fem.assembly.assemble", None)
     with pytest.raises(ReductionError, match=r"left: \d+ unknowns need more than model.memory = 0 MB"):
         reduced(built(), memory=100.0)
 

@@ -12,7 +12,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.effects.full_order import assemble_full
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.synthesis import reduce_scene_twice
 from romdam.timestepping.energy import imbalance

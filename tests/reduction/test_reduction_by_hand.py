@@ -12,8 +12,9 @@ from romdam.linalg.factor import Factor
 from romdam.linalg.modes.eigen import lowest_modes
 from romdam.linalg.modes.flexibility import Flexibility
 from romdam.linalg.modes.rigid import rigid_modes
-from romdam.reduction.methods.craig_bampton import ModeChoice, eigen_residual
-from romdam.reduction.methods.inertia_relief import unbalanced
+from romdam.reduction.methods.craig_bampton import eigen_residual
+from romdam.reduction.methods.merged_part import unbalanced
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene_twice
 from romdam.scene.build import build_scene
 

@@ -12,7 +12,7 @@ from romdam.error.metrics import relative_l2
 from romdam.fem.gaps import gap_operators
 from romdam.reduction import synthesis
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.refinement import embedding
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice

@@ -16,7 +16,7 @@ from romdam.fem.loads import hydrostatic_force, static_force, surface_force, the
 from romdam.fem.stress import stress_operators
 from romdam.geometry.elements import SOLIDS
 from romdam.linalg.factor import Factor
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.storage.staging import initial_stress, staged_displacement
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

@@ -37,7 +37,7 @@ from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import estimate_run, reduced_models
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ALL_MODES
+from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.integrators.registry import FULL_ORDER

@@ -18,7 +18,7 @@ from romdam.pipelines.error.verify import verify
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.record_set import load_motions
-from romdam.reduction.methods.craig_bampton import ALL_MODES, ModeChoice
+from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
 

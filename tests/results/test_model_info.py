@@ -10,7 +10,7 @@ from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.errors import ResultError
 from romdam.core.scene import Material, Scene
 from romdam.geometry.boxes import box_block
-from romdam.reduction.methods.craig_bampton import ModeChoice
+from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import write_model

@@ -19,7 +19,7 @@ import romdam
 from romdam.core.errors import ResultError
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
-from romdam.reduction import single_block
+from romdam.reduction.methods.craig_bampton import CraigBampton
 from romdam.results.suite.journal import JOURNAL, read_rows
 
 SAMPLES = {
@@ -129,7 +129,7 @@ def test_every_variable_says_what_it_is(whole):
 def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
     config, outcome = whole
     before = summary(outcome.path.parent)
-    monkeypatch.setattr(single_block, "_reduce", None)
+    monkeypatch.setattr(CraigBampton, "reduce", None)
     monkeypatch.setattr(pipeline, "_write_rows", None)
     again = made(config, outcome.path.parent)
     assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []

@@ -46,28 +46,28 @@ def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -
     """
     K, M, shift, rows = pencil
     a, moving = T.shape[1] - modes, M.diagonal() > 0.0
-    own, there = csr_matrix(M[moving][:, moving]), rows[moving]
-    M_m = T.gram(own, there, a)
+    M_moving, moving_rows = csr_matrix(M[moving][:, moving]), rows[moving]
+    M_m = T.gram(M_moving, moving_rows, a)
     K_m = T.gram(K, rows, a) - shift * M_m
     low, C = eigh(0.5 * (K_m + K_m.T), M_m)
     if not a:
         return without_roundoff(low + shift), C
-    part = (work[:, a:] @ C / low).T  # of the modes in A, as far as they are modes: C^T Phi^T M A
-    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[there]
-    M_T = T.gram(own, there, less=(Phi, np.hstack([part, np.zeros((modes, modes))])))
+    in_modes = (work[:, a:] @ C / low).T  # C^T Phi^T M A of the modes in A, as far as they are modes
+    Phi = T.combined(np.vstack([np.zeros((a, modes)), C]))[moving_rows]
+    M_T = T.gram(M_moving, moving_rows, less=(Phi, np.hstack([in_modes, np.zeros((modes, modes))])))
     rest = C.T @ M_T[a:, :a]
-    part = part + rest
-    twice = work[:, a:] @ C @ part
-    flexibility = work[:, :a] - twice - twice.T + part.T @ (low[:, None] * part)
+    in_modes = in_modes + rest
+    twice = work[:, a:] @ C @ in_modes
+    flexibility = work[:, :a] - twice - twice.T + in_modes.T @ (low[:, None] * in_modes)
     flexibility = 0.5 * (flexibility + flexibility.T)
     mix, slow = _directions(flexibility, M_T[:a, :a] - rest.T @ rest, low, work.diagonal())
-    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ part @ mix]])
+    V = np.block([[np.zeros((a, modes)), mix], [C, -C @ in_modes @ mix]])
     omega2 = np.concatenate([low, 1.0 / slow])
     return np.concatenate([without_roundoff(omega2[:modes] + shift), omega2[modes:] + shift]), V
 
 
 def with_more(
-    T: OutOfCoreMatrix, more: int, pencil: Pencil, work: Floats, known: tuple[Floats, Floats]
+    T: OutOfCoreMatrix, more: int, pencil: Pencil, work: Floats, omega2: Floats, V: Floats
 ) -> tuple[Floats, Floats]:
     """omega^2 of the basis [T_1 V, T_2], T_2 the last `more` columns of T, and what makes its modes of both.
 
@@ -77,19 +77,19 @@ def with_more(
     Parameters
     ----------
     work : R^T T, (a, m)
-    known : omega^2 and V of T_1, see `diagonalised`
+    omega2, V : of T_1, see `diagonalised`
     """
-    (K, M, shift, rows), (omega2, V), first = pencil, known, T.shape[1] - more
-    mass, of_modes = T.against(K, M, rows, (first, len(work)))
+    (K, M, shift, rows), first = pencil, T.shape[1] - more
+    mass, of_modes = T.against(K, M, rows, first, len(work))
     stiffness = np.vstack([work[:, first:], of_modes - shift * mass[len(work) :]])
     of_X, of_T = 1.0 / np.sqrt(omega2 - shift), 1.0 / np.sqrt(stiffness[first:].diagonal())
     between, coupling = (of_X[:, None] * (V.T @ A[:first]) * of_T for A in (mass, stiffness))
-    own, rest = (of_T[:, None] * A[first:] * of_T for A in (mass, stiffness))
+    mass_of_T, rest = (of_T[:, None] * A[first:] * of_T for A in (mass, stiffness))
     size, U = eigh(rest - coupling.T @ coupling)
     keep = size > _KNOWN_ENERGY
     U = U[:, keep] / np.sqrt(size[keep])
     P = np.block([[np.eye(len(of_X)), -coupling @ U], [np.zeros((more, len(of_X))), U]])
-    slow, W = eigh(P.T @ np.block([[np.diag(of_X**2), between], [between.T, own]]) @ P)
+    slow, W = eigh(P.T @ np.block([[np.diag(of_X**2), between], [between.T, mass_of_T]]) @ P)
     slow = np.maximum(slow[::-1], _STIFF * slow[-1])
     mix = np.concatenate([of_X, of_T])[:, None] * (P @ W[:, ::-1]) / np.sqrt(slow)
     return without_roundoff(1.0 / slow + shift), mix

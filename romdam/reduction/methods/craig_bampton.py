@@ -23,22 +23,25 @@ Craig, Bampton, AIAA Journal 6 (1968) 1313; Dickens, Nakagawa, Wittbrodt, Comput
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats
+from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError, ReductionError
 from romdam.effects.added_mass import WetMass
 from romdam.linalg.dense import DEPENDENT, eigh, independent, orthonormalising, without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, modes_below
-from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import AUTO, Solver, Solving, make_solver
+from romdam.linalg.solvers import Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
+from romdam.reduction.basis import Augmented
+from romdam.reduction.interface import sees_more_nodes_than_gaps
 from romdam.reduction.methods.residual_vectors import (
     FINER_VECTORS,
     ROUND_OFF,
@@ -46,64 +49,60 @@ from romdam.reduction.methods.residual_vectors import (
     larger,
     lowest_with,
 )
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.reductor import Bases, BasisFiles, Reductor
+from romdam.reduction.storage.keys import block_content
+from romdam.reduction.substructure import FREE_SHIFT, FreeBlock, Substructure
 
-FREE_SHIFT = (2.0 * np.pi * 0.1) ** 2  # -s [1/s2], 0.1 Hz: far below the elastic modes of any block
-_ALL = 2**62
-_SOME = 30  # number of modes below a cut-off frequency that is assumed before it is known
+log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class ModeChoice:
-    """Size of a Craig-Bampton basis.
+def retains_joint_nodes(substructure: Substructure) -> bool:
+    """Tell whether Craig-Bampton reduction serves a part: a single block that retains what its joints see.
 
-    Attributes
-    ----------
-    count : number of fixed-interface modes; None if `cutoff` is given
-    cutoff : frequency below which all fixed-interface modes are kept [Hz]; None if `count` is given
-    residual_vectors : number of residual vectors
-    capped : whether a block with fewer than `count` interior DOFs takes all modes; otherwise it is refused
-    solving : choice of the solver; it affects results by round-off only
-    finer : whether the finer basis of the error estimate is made too
+    It does not serve a block whose joints see more nodes than they have gaps, for which fewer unknowns do,
+    nor one with a viscous boundary that nothing else has to hold: its forces need exact static responses.
     """
-
-    count: int | None = None
-    cutoff: float | None = None
-    residual_vectors: int = 0
-    capped: bool = False
-    solving: Solving = AUTO
-    finer: bool = False
-
-    @property
-    def keeps_all(self) -> bool:
-        """Whether all modes are kept."""
-        return self.count == _ALL
-
-    @property
-    def columns(self) -> int:
-        """Estimated number of solutions that modes and residual vectors need."""
-        return 4 * (_SOME if self.count is None else self.count) + self.residual_vectors
-
-    def report(self) -> dict[str, object]:
-        """Return what a report says of the choice, as plain values."""
-        return {} if self.cutoff is None else {"cutoff_hz": self.cutoff}
-
-    @property
-    def stored(self) -> dict[str, object]:
-        """What the basis depends on, for the keys of stored bases."""
-        finer: dict[str, object] = {"finer": FINER_VECTORS} if self.finer else {}
-        return finer | {
-            "count": self.count,
-            "cutoff": self.cutoff,
-            "residual_vectors": self.residual_vectors,
-            "capped": self.capped,
-        }
+    if len(substructure.blocks) > 1:
+        return False
+    (name,) = substructure.blocks
+    if substructure.scene.blocks[name].absorbing and substructure.mesh_part.stands_free(substructure.scene):
+        return False
+    loads = substructure.block_loads
+    return not sees_more_nodes_than_gaps(loads.operators[name], substructure.interface, loads.directions)
 
 
-ALL_MODES = ModeChoice(count=_ALL)
+class CraigBampton(Reductor):
+    """Fixed-interface modes of a block in memory."""
+
+    name: ClassVar[str] = "craig_bampton"
+
+    def serves(self, substructure: Substructure, choice: ModeChoice) -> bool:
+        """See `retains_joint_nodes`."""
+        return retains_joint_nodes(substructure)
+
+    def key(self, substructure: Substructure, choice: ModeChoice) -> object:
+        """The block, whatever its name, and its loads."""
+        return block_content(substructure, choice)
+
+    def reduce(self, substructure: Substructure, choice: ModeChoice, files: BasisFiles) -> Iterator[Bases]:
+        """Yield the basis, then one with `FINER_VECTORS` residual vectors more that contains it."""
+        (name,) = substructure.blocks
+        log.info("block %s: reducing", name)
+        block, first = substructure.free_block(), None
+        for reduced in reduce_block(block, choice):
+            report = reduced.report() | choice.report()
+            if first is None:
+                first = block.basis(reduced.omega2, reduced.basis, report)
+                yield {name: first}
+                continue
+            vectors = Augmented(first, block.spread @ reduced.more, reduced.mix)
+            columns, participation = slice(0, len(reduced.omega2)), vectors.project(block.inertia)
+            yield {name: BlockBasis(vectors, columns, reduced.omega2, participation, report)}
 
 
 @dataclass(frozen=True)
-class Substructure:
+class ReducedBlock:
     """A reduced block: its open-joint modes [basis, more] mix, which are M-orthonormal.
 
     Attributes
@@ -131,7 +130,7 @@ class Substructure:
     static: int = 0
     residual_vectors: int = 0
 
-    def formed(self) -> Substructure:
+    def formed(self) -> ReducedBlock:
         """Return the same block with the open-joint modes as its basis."""
         k = self.basis.shape[1]
         modes = self.basis @ self.mix[:k]
@@ -153,38 +152,6 @@ class Substructure:
         }
 
 
-@dataclass(frozen=True)
-class FreeBlock:
-    """A block over its free DOFs.
-
-    At a node with gaps in one direction only, the axes are rotated so that this direction is one DOF.
-
-    Attributes
-    ----------
-    K, M : (n, n) sparse stiffness and mass
-    retained : (n,) True for retained DOFs
-    loads : (n, l) forces whose static response the basis contains exactly, of any magnitude
-    held : whether fixed supports and retained DOFs prevent every rigid motion
-    motions : nodes and rigid motions of the free DOFs, for multigrid
-    place : name of the block in messages
-    wet : added mass of water for the finer basis; None without any
-    """
-
-    K: csr_matrix
-    M: csr_matrix
-    retained: Bools
-    loads: Floats
-    held: bool
-    motions: Motions
-    place: str
-    wet: WetMass | None = None
-
-    @property
-    def shift(self) -> float:
-        """The shift s <= 0 with which K_ii - s M_ii is positive definite [1/s2]."""
-        return 0.0 if self.held else -FREE_SHIFT
-
-
 class FixedInterfaceModes(NamedTuple):
     """Fixed-interface modes, followed by static vectors, all diagonal in K.
 
@@ -195,7 +162,7 @@ class FixedInterfaceModes(NamedTuple):
     Phi : (n, m) modes and static vectors over the interior
     forces : (n, m) (K - s M) Phi
     gram : (m, m) Phi^T M Phi, the identity up to round-off
-    residual : of the modes, see `Substructure`
+    residual : of the modes, see `ReducedBlock`
     """
 
     modes: int
@@ -216,12 +183,12 @@ class FixedInterfaceModes(NamedTuple):
         return float(np.abs(self.gram - np.eye(len(self.gram))).max(initial=0.0))
 
 
-def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]:
+def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]:
     """Reduce a block and diagonalise it with its joints open; on request reduce it again, finer.
 
     Yields
     ------
-    Substructure
+    ReducedBlock
         first the reduced block, with its open-joint modes as basis; then a finer one, for the error estimate.
         It adds `FINER_VECTORS` residual vectors, of modes with the added mass of water, to the first basis,
         and needs no new factors. If the first has all modes, it is yielded again.
@@ -233,12 +200,18 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
     ReductionError
         if a factorisation or an eigenproblem fails.
     """
-    K, M, retained = block.K, block.M, block.retained
+    K, M, retained, shift = block.K, block.M, block.retained, block.shift
     interior_dofs = int((~retained).sum())
-    choice = _cap_count(choice, interior_dofs, block.place)
+    if (choice.capped or not interior_dofs) and choice.count is not None:
+        choice = replace(choice, count=min(choice.count, interior_dofs))
+    if not choice.keeps_all and choice.count is not None and choice.count > interior_dofs:
+        raise ConfigError(
+            f"{block.label}: model.modes asks for {choice.count} fixed-interface modes, the block has "
+            f"{interior_dofs} interior DOFs; ask for fewer, or for `modes: all`"
+        )
     if choice.keeps_all or choice.count == interior_dofs:
         omega2, basis = dense_modes(K, M)
-        complete = Substructure(
+        complete = ReducedBlock(
             omega2=without_roundoff(omega2),
             basis=basis,
             more=np.zeros((len(basis), 0)),
@@ -251,45 +224,36 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[Substructure]
         )
         yield from repeat(complete)  # without end: nothing is finer
     Psi, modes, solver = _ritz_vectors(block, choice)
-    T = _assemble_basis(Psi, modes.Phi, retained)
-    mass = _mass(block, T, modes.gram)
-    omega2, V = diagonalise(_stiffness(block, T, modes.omega2, mass), mass, block.place)
-    sub = Substructure(
+    boundary = Psi.shape[1]
+    T = over_interior(retained, np.hstack([Psi, modes.Phi]))
+    T[retained, :boundary] = np.eye(boundary)
+    # T^T M T, of which the part of the modes is known
+    constraint = T.T @ (M @ T[:, :boundary])
+    mass = np.block([[constraint[:boundary], constraint[boundary:].T], [constraint[boundary:], modes.gram]])
+    # T^T K T = s T^T M T + T^T (K - s M) T; the second term does not couple constraint modes with the others,
+    # and constraint modes have (K - s M)-forces at the retained DOFs only
+    stiffness = shift * mass
+    stiffness[:boundary, :boundary] += (K[retained] - shift * M[retained]) @ T[:, :boundary]
+    stiffness[boundary:, boundary:] += np.diag(modes.omega2 - shift)
+    omega2, V = diagonalise(stiffness, mass, block.label)
+    reduced = ReducedBlock(
         omega2=omega2,
         basis=T,
         more=T[:, :0],
         mix=V,
-        retained=Psi.shape[1],
+        retained=boundary,
         fixed_interface=modes.modes,
         static=modes.Phi.shape[1] - modes.modes,
         highest=modes.highest,
         orthonormality=modes.orthonormality,
         residual=modes.residual,
     )
-    interior = Interior(solver, modes.forces, Psi.shape[1])
-    sub, interior = _with_residual_vectors(block, sub, interior, choice.residual_vectors, 0.0, None)
-    sub = sub.formed()
-    yield replace(sub, omega2=without_roundoff(sub.omega2))
-    finer, _ = _with_residual_vectors(block, sub, interior, FINER_VECTORS, ROUND_OFF, block.wet)
+    interior = Interior(solver, modes.forces, boundary)
+    reduced, interior = _with_residual_vectors(block, reduced, interior, choice.residual_vectors, 0.0, None)
+    reduced = reduced.formed()
+    yield replace(reduced, omega2=without_roundoff(reduced.omega2))
+    finer, _ = _with_residual_vectors(block, reduced, interior, FINER_VECTORS, ROUND_OFF, block.wet)
     yield replace(finer, omega2=without_roundoff(finer.omega2))
-
-
-def _cap_count(choice: ModeChoice, interior: int, place: str) -> ModeChoice:
-    """Limit the number of modes to the number of interior DOFs, if the choice permits it or there are none.
-
-    Raises
-    ------
-    ConfigError
-        for more modes than the interior has DOFs.
-    """
-    if (choice.capped or not interior) and choice.count is not None:
-        choice = replace(choice, count=min(choice.count, interior))
-    if not choice.keeps_all and choice.count is not None and choice.count > interior:
-        raise ConfigError(
-            f"{place}: model.modes asks for {choice.count} fixed-interface modes, the block has {interior} "
-            "interior DOFs; ask for fewer, or for `modes: all`"
-        )
-    return choice
 
 
 def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedInterfaceModes, Solver]:
@@ -299,7 +263,7 @@ def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedIn
     K_ii, M_ii = csr_matrix(K_i[:, ~retained]), csr_matrix(M_i[:, ~retained])
     columns = int(retained.sum()) + choice.columns + block.loads.shape[1]
     shifted = K_ii - shift * M_ii if shift else K_ii
-    solver = make_solver(shifted, block.motions.of(~retained), columns, choice.solving, block.place)
+    solver = make_solver(shifted, block.motions.of(~retained), columns, choice.solving, block.label)
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -solver.solve(coupling) if coupling.shape[1] else coupling
     return Psi, fixed_interface_modes(K_ii, M_ii, block.loads[~retained], choice, solver, shift), solver
@@ -384,35 +348,6 @@ def eigen_residual(K: csr_matrix | Symmetric, MPhi: Floats, omega2: Floats, Phi:
     return float((np.linalg.norm(K @ Phi - inertia, axis=0)[elastic] / size[elastic]).max())
 
 
-def _assemble_basis(Psi: Floats, Phi: Floats, retained: Bools) -> Floats:
-    """Assemble T = [Psi, Phi; I, 0] over the free DOFs, with the unit matrix at the retained ones."""
-    boundary = Psi.shape[1]
-    T = over_interior(retained, np.hstack([Psi, Phi]))
-    T[retained, :boundary] = np.eye(boundary)
-    return T
-
-
-def _mass(block: FreeBlock, T: Floats, gram: Floats) -> Floats:
-    """Compute T^T M T, in which the modes have the Gram matrix that is already known."""
-    boundary = T.shape[1] - len(gram)
-    constraint = T.T @ (block.M @ T[:, :boundary])
-    return np.block([[constraint[:boundary], constraint[boundary:].T], [constraint[boundary:], gram]])
-
-
-def _stiffness(block: FreeBlock, T: Floats, omega2: Floats, mass: Floats) -> Floats:
-    """Compute T^T K T = s T^T M T + T^T (K - s M) T.
-
-    The second term does not couple constraint modes and fixed-interface modes. Constraint modes have
-    (K - s M)-forces at the retained DOFs only.
-    """
-    boundary, s = T.shape[1] - len(omega2), block.shift
-    at_retained = block.K[block.retained] - s * block.M[block.retained]
-    stiffness = s * mass
-    stiffness[:boundary, :boundary] += at_retained @ T[:, :boundary]
-    stiffness[boundary:, boundary:] += np.diag(omega2 - s)
-    return stiffness
-
-
 def over_interior(retained: Bools, inside: Floats) -> Floats:
     """Extend vectors over the interior to all free DOFs, with zeros at the retained ones."""
     T = np.zeros((len(retained), inside.shape[1]))
@@ -420,7 +355,7 @@ def over_interior(retained: Bools, inside: Floats) -> Floats:
     return T
 
 
-def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
+def diagonalise(K: Floats, M: Floats, label: str) -> tuple[Floats, Floats]:
     """Compute all modes of reduced matrices: omega2 ascending [1/s2], and M-orthonormal vectors.
 
     Raises
@@ -433,52 +368,54 @@ def diagonalise(K: Floats, M: Floats, place: str) -> tuple[Floats, Floats]:
     try:
         return eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
     except LinAlgError as error:
-        raise ReductionError(f"{place}: the reduced mass is not positive definite ({error})") from error
+        raise ReductionError(f"{label}: the reduced mass is not positive definite ({error})") from error
 
 
 def _with_residual_vectors(
-    block: FreeBlock, sub: Substructure, interior: Interior, count: int, least: float, wet: WetMass | None
-) -> tuple[Substructure, Interior]:
-    """Add residual vectors of the lowest open-joint modes to a substructure, and diagonalise it again.
+    block: FreeBlock,
+    reduced: ReducedBlock,
+    interior: Interior,
+    count: int,
+    least: float,
+    wet: WetMass | None,
+) -> tuple[ReducedBlock, Interior]:
+    """Add residual vectors of the lowest open-joint modes to a reduced block, and diagonalise it again.
 
     Parameters
     ----------
-    interior : forces on the interior, for vectors in terms of the basis of `sub`
+    interior : forces on the interior, for vectors in terms of the basis of `reduced`
     count : number of modes
     least : M-norm of a residual vector below which it is left out; see `larger`
     wet : added mass of the water in these modes; None without any
 
     Returns
     -------
-    extended : the basis of `sub`, with the residual vectors in `more`
+    extended : the basis of `reduced`, with the residual vectors in `more`
     interior : forces on the interior, for vectors in terms of the modes of `extended`
     """
     K, M, retained = block.K, block.M, block.retained
-    T, V = sub.basis, sub.mix
+    T, V = reduced.basis, reduced.mix
     count = min(count, len(T) - V.shape[1])
     if not count:
-        return sub, interior.after(V, np.zeros((int((~retained).sum()), 0)))
+        return reduced, interior.after(V, np.zeros((int((~retained).sum()), 0)))
     added_mass = None if wet is None else wet.of(wet.operator @ T @ V)
-    lowest_omega2, coefficients = lowest_with(added_mass, sub.omega2, V, count)
+    lowest_omega2, coefficients = lowest_with(added_mass, reduced.omega2, V, count)
     lowest = T @ coefficients
     inertia = M @ (lowest * (lowest_omega2 - block.shift))
     unbalanced = interior.forces(coefficients) - inertia[~retained]
     if wet is not None:
         unbalanced -= wet.inertia(lowest * lowest_omega2)[~retained]
     D = over_interior(retained, interior.solver.solve(unbalanced))
-    D = larger(D - T @ (V @ _modal_forces(sub, M @ D)), M, lowest_omega2, least)
+    D = larger(D - T @ (V @ (V.T @ (T.T @ (M @ D)))), M, lowest_omega2, least)
     D = independent(D, M)
-    D = independent(D - T @ (V @ _modal_forces(sub, M @ D)), M)  # again, against round-off
+    D = independent(D - T @ (V @ (V.T @ (T.T @ (M @ D)))), M)  # again, against round-off
     KD = K @ D
-    coupling, of_residual = _modal_forces(sub, KD), D.T @ KD
-    stiffness = np.block([[np.diag(sub.omega2), coupling], [coupling.T, 0.5 * (of_residual + of_residual.T)]])
+    coupling, of_residual = V.T @ (T.T @ KD), D.T @ KD
+    stiffness = np.block(
+        [[np.diag(reduced.omega2), coupling], [coupling.T, 0.5 * (of_residual + of_residual.T)]]
+    )
     omega2, C = eigh(stiffness)
     mix = np.vstack([V @ C[: V.shape[1]], C[V.shape[1] :]])
-    number = sub.residual_vectors + D.shape[1]
-    extended = replace(sub, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=number)
+    number = reduced.residual_vectors + D.shape[1]
+    extended = replace(reduced, omega2=omega2, more=D, mix=np.ascontiguousarray(mix), residual_vectors=number)
     return extended, interior.after(mix, (KD - block.shift * (M @ D))[~retained])
-
-
-def _modal_forces(sub: Substructure, forces: Floats) -> Floats:
-    """Project forces (n, k) onto the modes, (m, k)."""
-    return np.asarray(sub.mix.T @ (sub.basis.T @ forces))

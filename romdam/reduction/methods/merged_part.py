@@ -1,24 +1,37 @@
-"""Blocks with merged interfaces over their free DOFs: matrices, loads, and where each block has its own."""
+"""Blocks with merged interfaces over their free DOFs: matrices, loads, and where each block has its DOFs.
+
+Inertia relief gives the part of a force that a floating body answers by straining. Nothing holds it
+statically. With R its rigid motions, R^T M R = 1, the force f - M R R^T f is in equilibrium with the inertia
+of the acceleration R R^T f, and its response has no rigid part. If K less a small shift times M stands for K,
+f itself would be answered by a rigid motion, a million times the strain.
+
+References
+----------
+Rubin, AIAA Journal 13 (1975) 995; Craig, Kurdila, Fundamentals of Structural Dynamics (2006), ch. 17.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
 
-from romdam.core.arrays import Floats
-from romdam.core.scene import Bools, Ints, Scene
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.effects.added_mass import WetMass
+from romdam.effects.free_field import field_shapes
+from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import gather, part_matrices
 from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
+from romdam.linalg.solvers import Solver
 from romdam.linalg.symmetric import Symmetric
-from romdam.reduction.methods.boundary_forces import boundary_tractions, free_field_forces
-from romdam.reduction.methods.craig_bampton import FREE_SHIFT
-from romdam.reduction.methods.inertia_relief import unbalanced
+from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
+from romdam.reduction.substructure import FREE_SHIFT, Substructure
 from romdam.scene.supports import rigid_motions
-from romdam.scene.ties import Part
+
+_BALANCED = 1e-10  # square of what is left of a load of unit length, below which that is round-off
 
 
 @dataclass(frozen=True)
@@ -28,15 +41,15 @@ class MergedPart:
     Attributes
     ----------
     K, M : (n, n), of K the upper triangle
-    right : (n, a) sparse, of unit length: what the basis answers statically right
+    right : (n, a) sparse, of unit length: loads whose static response the basis contains
     held : whether supports stop every rigid motion
     motions : of the free DOFs
     rigid : (n, r) M-orthonormal rigid motions that supports leave
     row : (N,) number of every DOF of every block among the free ones, block after block; -1 where it is none
-    slaves : those that follow free DOFs, and what they follow, (s, n) sparse; None without mortar ties
-    inertia : block name -> (3 nodes, 3) M r of its own
+    slaves : those that follow free DOFs, (s,); None without mortar ties
+    slave_weights : what they follow, (s, n) sparse; None without mortar ties
     wet : added mass of water, None without any
-    place : what to call the part in messages
+    label : what to call the part in messages
     """
 
     K: Symmetric
@@ -46,10 +59,10 @@ class MergedPart:
     motions: Motions
     rigid: Floats
     row: Ints
-    slaves: tuple[Ints, csr_matrix] | None
-    inertia: dict[str, Floats]
+    slaves: Ints | None
+    slave_weights: csr_matrix | None
     wet: WetMass | None
-    place: str
+    label: str
 
     @property
     def shift(self) -> float:
@@ -64,54 +77,80 @@ class MergedPart:
     @property
     def first(self) -> Ints:
         """(n,) where every free DOF stands among the blocks' for the first time."""
-        found = np.empty(self.K.shape[0], dtype=np.int64)
-        here = np.flatnonzero(self.row >= 0)[::-1]
-        found[self.row[here]] = here
-        return found
+        firsts = np.empty(self.K.shape[0], dtype=np.int64)
+        rows = np.flatnonzero(self.row >= 0)[::-1]
+        firsts[self.row[rows]] = rows
+        return firsts
 
     def over_blocks(self, values: Floats) -> Floats:
         """Values of the free DOFs over those of every block, zero where held."""
-        found = np.take(values, self.row, axis=0, mode="wrap")  # quicker than values[row]
-        found[self.row < 0] = 0.0
-        if self.slaves is not None:
-            which, follow = self.slaves
-            found[which] = follow @ values
-        return found
+        spread = np.take(values, self.row, axis=0, mode="wrap")  # quicker than values[row]
+        spread[self.row < 0] = 0.0
+        if self.slaves is not None and self.slave_weights is not None:
+            spread[self.slaves] = self.slave_weights @ values
+        return spread
+
+    def static_response(self, solver: Solver, force: Floats) -> Floats:
+        """Responses to static forces (n, k); of a floating part with inertia relief.
+
+        Parameters
+        ----------
+        solver : for K - s M
+        """
+        rigid = self.rigid
+        if not rigid.shape[1]:
+            return solver.solve(force)
+        inertia = self.M @ rigid
+        response = solver.solve(force - inertia @ (rigid.T @ force))
+        return np.asarray(response - rigid @ (inertia.T @ response))
+
+    def work(self, T: OutOfCoreMatrix) -> Floats:
+        """Work (a, m) of the loads, with inertia relief, on vectors T (N, m) over the DOFs of every block."""
+
+        def over_every_block(loads: csc_matrix) -> csr_matrix:
+            """Transposed loads, each free DOF counted once."""
+            across = csr_matrix(loads.T)
+            entries = (across.data, self.first[across.indices], across.indptr)
+            return csr_matrix(entries, shape=(loads.shape[1], T.shape[0]))
+
+        total = T.before(over_every_block(self.right))
+        if self.rigid.shape[1]:
+            inertia = over_every_block(csc_matrix(self.M @ self.rigid))
+            total -= (self.right.T @ self.rigid) @ T.before(inertia)
+        return total
 
 
-def merged_part(
-    part: Part, scene: Scene, operator: csr_matrix, static: Floats, wet: WetMass | None, carried: Floats
-) -> MergedPart:
-    """The matrices of a part, and the loads that its basis is to answer statically right.
+def merge_blocks(substructure: Substructure, loads: Sequence[csr_matrix | Floats], label: str) -> MergedPart:
+    """Add the matrices of a part's blocks, and scale its loads.
 
     Parameters
     ----------
-    operator : gap operator of the part
-    static : (3 nodes, l) static forces on it
-    wet : added mass of its water
-    carried : inertia of supports that move on their own, over the part's nodes
+    loads : each (3 nodes, k): what the basis is to answer statically right
+    label : what to call the part in messages
     """
-    fixed = part.fixed(scene.fixed)
-    free = ~fixed.ravel()
-    K, M, inertia = part_matrices(part, scene.blocks)
+    mesh_part, scene, free = substructure.mesh_part, substructure.scene, substructure.free
+    K, M = part_matrices(mesh_part, substructure.assembly)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
-    shaken = [name for name in part.blocks if name not in scene.radiating]
-    heavy = [name for name in part.blocks if name not in scene.excluded_from_gravity]
-    loads = [
-        _sum(part, inertia, shaken),
-        static,
-        _sum(part, inertia, heavy)[:, : 3 if 0 < len(heavy) < len(part.blocks) else 0],
-        boundary_tractions(part, scene),
-        free_field_forces(part, scene),
-        carried,
-    ]
-    mesh, held = part.mesh(scene.blocks), part.stands_free(scene)
-    motions = Motions(np.flatnonzero(free), rigid_motions(mesh, np.arange(part.nodes)).reshape(-1, 6)[free])
+    held, wet = mesh_part.stands_free(scene), substructure.wet
+    nodes = np.arange(mesh_part.nodes)
+    motions = Motions(
+        np.flatnonzero(free), rigid_motions(mesh_part.mesh(scene.blocks), nodes).reshape(-1, 6)[free]
+    )
     rigid = np.zeros((K.shape[0], 0)) if held or not M.diagonal().any() else rigid_modes(K, M, motions.rigid)
-    right = _unit_columns([operator[:, free].T, *(load[free] for load in loads)])
-    dofs = np.concatenate([(3 * part.number[name][:, None] + np.arange(3)).ravel() for name in part.blocks])
-    row = np.full(3 * part.every_node, -1)
+    # loads that are not zero, each of unit length, that do more than accelerate the part rigidly
+    right = csc_matrix(hstack([csc_matrix(load[free]) for load in loads]))
+    length = np.sqrt(np.asarray(right.multiply(right).sum(axis=0)).ravel())
+    some = np.flatnonzero(length > 0.0)
+    right = csc_matrix(right[:, some] @ diags_array(1.0 / length[some]))
+    dofs = np.concatenate(
+        [(3 * mesh_part.number[name][:, None] + np.arange(3)).ravel() for name in mesh_part.blocks]
+    )
+    row = np.full(3 * mesh_part.every_node, -1)
     row[np.flatnonzero(free)] = np.arange(K.shape[0])
+    slaves = weights = None
+    if mesh_part.slaves is not None:
+        slaves = np.flatnonzero(dofs >= 3 * mesh_part.nodes)
+        weights = mesh_part.slaves[dofs[slaves] - 3 * mesh_part.nodes][:, free]
     return MergedPart(
         K=Symmetric(K),
         M=M,
@@ -120,30 +159,65 @@ def merged_part(
         motions=motions,
         rigid=rigid,
         row=row[dofs],
-        slaves=_slaves(part, dofs, free),
-        inertia=inertia,
+        slaves=slaves,
+        slave_weights=weights,
         wet=None if wet is None else WetMass(wet.operator[:, free], wet.flexibility),
-        place=f"part {part.name}",
+        label=label,
     )
 
 
-def _slaves(part: Part, dofs: Ints, free: Bools) -> tuple[Ints, csr_matrix] | None:
-    """DOFs of the blocks, by numbers in the part, that follow free ones, and the rows by which they do."""
-    if part.slaves is None:
-        return None
-    which = np.flatnonzero(dofs >= 3 * part.nodes)
-    return which, part.slaves[dofs[which] - 3 * part.nodes][:, free]
+def unbalanced(loads: csc_matrix, rigid: Floats, M: csr_matrix) -> Ints:
+    """Numbers of the loads (n, a), of unit length, that do more than accelerate a body rigidly.
+
+    Parameters
+    ----------
+    rigid : (n, r) M-orthonormal rigid motions
+    """
+    inertia, along = M @ rigid, loads.T @ rigid
+    left = 1.0 - ((2.0 * (loads.T @ inertia) - along @ (inertia.T @ inertia)) * along).sum(axis=1)
+    return np.flatnonzero(left > _BALANCED)
 
 
-def _sum(part: Part, inertia: dict[str, Floats], blocks: list[str]) -> Floats:
-    """M r of some of the blocks, (3 nodes, 3)."""
-    some = {name: values if name in blocks else np.zeros_like(values) for name, values in inertia.items()}
-    return gather(part, some)
+def ground_inertia(substructure: Substructure) -> list[Floats]:
+    """Inertia M r (3 nodes, 3) of the blocks that are shaken; and, if some have no weight, of the others."""
+    mesh_part, scene = substructure.mesh_part, substructure.scene
+    inertia = {name: substructure.assembly.inertia(name) for name in mesh_part.blocks}
+    shaken = [name for name in mesh_part.blocks if name not in scene.radiating]
+    heavy = [name for name in mesh_part.blocks if name not in scene.excluded_from_gravity]
+    total = []
+    for blocks in (shaken, heavy) if 0 < len(heavy) < len(mesh_part.blocks) else (shaken,):
+        counted = {
+            name: values if name in blocks else np.zeros_like(values) for name, values in inertia.items()
+        }
+        total.append(gather(mesh_part, counted))
+    return total
 
 
-def _unit_columns(loads: list[csr_matrix | Floats]) -> csc_matrix:
-    """The loads that are not zero, each of unit length."""
-    right = csc_matrix(hstack([csc_matrix(load) for load in loads]))
-    length = np.sqrt(np.asarray(right.multiply(right).sum(axis=0)).ravel())
-    some = np.flatnonzero(length > 0.0)
-    return csc_matrix(right[:, some] @ diags_array(1.0 / length[some]))
+def boundary_tractions(substructure: Substructure) -> Floats:
+    """Forces of every absorbing face's dashpots when it moves rigidly, (3 nodes, 6 faces)."""
+    mesh_part = substructure.mesh_part
+    columns = [np.zeros((3 * mesh_part.nodes, 0))]
+    for name in mesh_part.blocks:
+        block = substructure.scene.blocks[name]
+        for face in block.absorbing:
+            arm = block.points - block.points[face.facets].mean(axis=(0, 1))
+            turned = [np.cross(axis, arm).ravel() for axis in np.eye(3)]
+            rigid = np.column_stack([np.tile(np.eye(3), (len(arm), 1)), *turned])
+            alone = replace(block, absorbing=(face,))
+            columns.append(mesh_part.spread(name).T @ (boundary_dashpots(alone) @ rigid))
+    return np.hstack(columns)
+
+
+def free_field_forces(substructure: Substructure) -> csr_matrix:
+    """Static forces that move rock as each node of the free field's column, (3 nodes, 3 column nodes)."""
+    mesh_part, field = substructure.mesh_part, substructure.scene.free_field
+    if field is None or field.blocks.isdisjoint(mesh_part.blocks):
+        return csr_matrix((3 * mesh_part.nodes, 0))
+    return csr_matrix(
+        sum(
+            mesh_part.spread(name).T
+            @ (substructure.assembly.matrices(name)[0] @ field_shapes(substructure.scene.blocks[name], field))
+            for name in mesh_part.blocks
+            if name in field.blocks
+        )
+    )

@@ -29,13 +29,13 @@ class Interior:
 
     Attributes
     ----------
-    own : (n, f) forces under the last f vectors of the first basis
+    inner_forces : (n, f) forces under the last f vectors of the first basis
     constraint : how many constraint modes are before those
     steps : (mix, forces) of bases since then: modes made of the one before and of vectors beside it
     """
 
     solver: Solver
-    own: Floats
+    inner_forces: Floats
     constraint: int
     steps: tuple[tuple[Floats, Floats], ...] = ()
 
@@ -45,13 +45,13 @@ class Interior:
 
     def forces(self, C: Floats) -> Floats:
         """(n, k) under vectors that are (m, k) in terms of the last basis."""
-        found = np.zeros((len(self.own), C.shape[1]))
+        forces = np.zeros((len(self.inner_forces), C.shape[1]))
         for mix, more in reversed(self.steps):
             C = mix @ C
             first = len(C) - more.shape[1]
-            found += more @ C[first:]
+            forces += more @ C[first:]
             C = C[:first]
-        return found + self.own @ C[self.constraint :]
+        return forces + self.inner_forces @ C[self.constraint :]
 
 
 def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> tuple[Floats, Floats]:

@@ -1,72 +1,53 @@
 """Keys of stored bases: the SHA-256 of everything that a basis depends on.
 
 Mesh, element, material, supports, what the joints retain, the loads that the basis answers statically, the
-choice of modes, the layout, and the code that reduces with the libraries that multiply and factor for it:
-what is found is what would be made, to the bit. Stiffness and friction of joints, gaps, damping, weight and
-records are not part of it; water is, where a finer basis answers its inertia.
+choice of modes, the layout, the name of the method, and the code that reduces with the libraries that
+multiply and factor for it: what is found is what would be computed, to the bit. Stiffness and friction of
+joints, gaps, damping, weight and records are not part of it; water is, where a finer basis answers its
+inertia. See `romdam.reduction.reductor.basis_keys`.
 """
 
 from __future__ import annotations
 
-from scipy.sparse import csr_matrix
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.substructure import Substructure
 
-from romdam.core.arrays import Bools, Floats
-from romdam.core.fingerprint import code_digest, fingerprint
-from romdam.core.scene import Block, Scene
-from romdam.effects.added_mass import WetMass
-from romdam.reduction.interface import Interface
-from romdam.reduction.methods.craig_bampton import ModeChoice
-from romdam.scene.ties import Part
-
-LAYOUT = "romdam-block-2"
 ROOMS = ("core", "effects", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
 
 
-def block_key(
-    block: Block,
-    fixed: Bools,
-    interface: Interface,
-    loads: Floats,
-    choice: ModeChoice,
-    wet: WetMass | None = None,
-) -> str:
-    """Key of the Craig-Bampton basis of a block, which answers loads (3 n, l) statically right."""
+def block_content(substructure: Substructure, choice: ModeChoice) -> tuple[object, ...]:
+    """Return what the Craig-Bampton basis of a single block depends on; its name is not part of it."""
+    (name,) = substructure.blocks
+    block, fixed, wet = (
+        substructure.scene.blocks[name],
+        substructure.scene.fixed[name],
+        substructure.block_wet,
+    )
     elastic = (block.material.E, block.material.nu, block.material.rho)
     mesh = (block.element, block.points, block.cells, elastic)
-    outside = (mesh, fixed, block.absorbing) if block.absorbing else (mesh, fixed)
-    own = () if block.matrices is None else (block.matrices,)
-    return _key(*outside, *own, interface, loads, choice.stored, *_water(choice, wet))
+    absorbing = (block.absorbing,) if block.absorbing else ()
+    matrices = () if block.matrices is None else (block.matrices,)
+    water = (wet,) if choice.finer and wet is not None else ()
+    loads = substructure.block_load_directions
+    return mesh, fixed, *absorbing, *matrices, substructure.interface, loads, choice.stored, *water
 
 
-def part_keys(
-    part: Part,
-    scene: Scene,
-    operator: csr_matrix,
-    static: Floats,
-    choice: ModeChoice,
-    wet: WetMass | None = None,
-) -> dict[str, str]:
-    """Block name -> key of its free-interface basis, which depends on everything in the part."""
+def part_content(substructure: Substructure, choice: ModeChoice) -> tuple[object, ...]:
+    """Return everything that is known of a part and its loads, on which any basis of it depends."""
+    mesh_part, scene, wet = substructure.mesh_part, substructure.scene, substructure.wet
     of_blocks = [
         (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
-         scene.blocks[name].cells, part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
-        for name in part.blocks
+         scene.blocks[name].cells, mesh_part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
+        for name in mesh_part.blocks
     ]  # fmt: skip
-    kinds = [sorted(names & set(part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)]
-    slaves = () if part.slaves is None else (part.slaves,)
+    kinds = [
+        sorted(names & set(mesh_part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)
+    ]
+    slaves = () if mesh_part.slaves is None else (mesh_part.slaves,)
     waves = () if scene.free_field is None else (scene.free_field,)
-    moved = [] if scene.moving is None else [scene.moving.components[name] for name in part.blocks]
+    moved = [] if scene.moving is None else [scene.moving.components[name] for name in mesh_part.blocks]
     carried = (moved,) if any((number >= 0).any() for number in moved) else ()
-    own = [m for name in part.blocks if (m := scene.blocks[name].matrices) is not None]
-    outside = (*slaves, *waves, *carried, *own, kinds, operator, static)
-    whole = _key(of_blocks, *outside, choice.stored, *_water(choice, wet))
-    return {name: fingerprint((whole, name)) for name in part.blocks}
-
-
-def _water(choice: ModeChoice, wet: WetMass | None) -> tuple[WetMass, ...]:
-    """The water that a basis knows of."""
-    return (wet,) if choice.finer and wet is not None else ()
-
-
-def _key(*what: object) -> str:
-    return fingerprint((LAYOUT, code_digest(*ROOMS), *what))
+    matrices = [m for name in mesh_part.blocks if (m := scene.blocks[name].matrices) is not None]
+    water = (wet,) if choice.finer and wet is not None else ()
+    loads = substructure.operator, substructure.static_forces
+    return (of_blocks, *slaves, *waves, *carried, *matrices, kinds, *loads, choice.stored, *water)

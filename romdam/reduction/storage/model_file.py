@@ -33,26 +33,26 @@ import numpy as np
 
 import romdam
 from romdam.core.arrays import Floats
-from romdam.core.basis import BlockBasis
+from romdam.core.basis import Basis, BlockBasis
 from romdam.core.errors import ResultError, quote
 from romdam.core.files import sweep_parts
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block
 from romdam.core.sealed import creating, reading, text_of
 from romdam.reduction.basis import Augmented, Dense, Mapped
-from romdam.reduction.storage.keys import LAYOUT
 
 log = logging.getLogger(__name__)
 
+LAYOUT = "romdam-block-2"
 _CHUNK_BYTES = 1 << 20  # bytes of an HDF5 chunk
 _MAPPED = 64e6  # bytes of a basis from which on its file is mapped
 
 
 def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write a block into a group of an open file, of one that contains another what it has besides."""
-    if isinstance(own := basis.vectors, Augmented):
-        _write_mix(group, own.inner, own.mix)
-        basis = replace(basis, vectors=Dense(own.more))
+    if isinstance(vectors := basis.vectors, Augmented):
+        _write_mix(group, vectors.inner, vectors.mix)
+        basis = replace(basis, vectors=Dense(vectors.more))
     for _ in rows_written(group, block, basis):
         pass
 
@@ -79,10 +79,10 @@ def rows_written(group: h5py.Group, block: Block, basis: BlockBasis) -> Iterator
         data[first : first + step] = some.reshape(-1, 3, columns)
         yield some
     group.file.flush()
-    _write_beside(group, block, basis)
+    _write_mesh_and_frequencies(group, block, basis)
 
 
-def _write_beside(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
+def _write_mesh_and_frequencies(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
     """Write mesh, frequencies and report beside the basis."""
     group["points"] = block.points
     group["cells"] = block.cells
@@ -116,22 +116,21 @@ def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis
     expected = ((nodes, 3), (nodes, 3), (columns,), (columns, 3))
     if shapes != expected or data.dtype != np.float64:
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
+    vectors: Basis = _vectors(data)
+    if "mix" in group:
+        mix = group["mix"]
+        if inner is None or text_of(mix, "of") != _fingerprint(inner):
+            raise ResultError("the basis that it contains is of another reduction")
+        if len(mix) != len(inner.omega2) + data.shape[2] or 3 * nodes != inner.vectors.shape[0]:
+            raise ResultError(f"its basis {data.shape} does not fit the one that it contains")
+        vectors = Augmented(inner, _vectors(data).array, np.asarray(mix[()]))
     return BlockBasis(
-        vectors=_augmented(group, inner) if "mix" in group else _vectors(data),
+        vectors=vectors,
         columns=slice(first, first + columns),
         omega2=omega2[()],
         participation=participation[()],
         report=json.loads(group.attrs["report"]),
     )
-
-
-def _augmented(group: h5py.Group, inner: BlockBasis | None) -> Augmented:
-    if inner is None or text_of(group["mix"], "of") != _fingerprint(inner):
-        raise ResultError("the basis that it contains is of another reduction")
-    more, mix = group["basis"], group["mix"]
-    if len(mix) != len(inner.omega2) + more.shape[2] or 3 * len(more) != inner.vectors.shape[0]:
-        raise ResultError(f"its basis {more.shape} does not fit the one that it contains")
-    return Augmented(inner, _vectors(more).array, np.asarray(mix[()]))
 
 
 def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None = None) -> BlockBasis:
@@ -225,15 +224,28 @@ class BlockStore:
             log.warning("%s: not a usable reduced block (%s); reducing again", path, error)
             return None
 
-    def read_each(self, keys: list[str]) -> list[BlockBasis]:
-        """The bases of one block up to the first that is not there; the second is read over the first."""
-        found: list[BlockBasis] = []
-        for key in keys:
-            basis = self.read(key, *found[:1])
-            if basis is None:
-                break
-            found.append(basis)
-        return found
+    def read_part(self, keys: list[dict[str, str]]) -> list[dict[str, BlockBasis]]:
+        """The bases of a part's blocks, as far as the store has them of every block, of one reduction.
+
+        Two machines that share a store may each leave some blocks of a part: their modes have other signs.
+
+        Parameters
+        ----------
+        keys : of the basis, and of a finer one that may contain it: block name -> key
+        """
+        levels: list[dict[str, BlockBasis]] = []
+        for of_level in keys:
+            bases = {}
+            for name, key in of_level.items():
+                basis = self.read(key, levels[0][name] if levels else None)
+                if basis is None:
+                    return levels
+                bases[name] = basis
+            if len({basis.omega2.tobytes() for basis in bases.values()}) > 1:
+                log.warning("%s: blocks of one part are of different reductions; reducing again", self.folder)
+                return levels
+            levels.append(bases)
+        return levels
 
     def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
         """Keep a block under its key; the same block, mapped from its file where it is large.
@@ -292,7 +304,7 @@ class BlockStore:
             none = Dense(np.zeros((0, 0)))
             basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
-            _write_beside(file, block, basis)
+            _write_mesh_and_frequencies(file, block, basis)
         written = self._written(key)
         if contained is None:
             return replace(basis, vectors=written)

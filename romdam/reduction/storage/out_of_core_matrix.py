@@ -50,13 +50,13 @@ class OutOfCoreMatrix:
     """
 
     def __init__(self, path: Path, key: str, shape: tuple[int, int]) -> None:
-        self.path, self.shape, self._own = path, shape, None
+        self.path, self.shape, self._private_folder = path, shape, None
         self._ends = [0]  # of the finished blocks
         with _writing(path):
             lock = hold(path)
             if lock is None:  # another process is at it
-                self._own, lock = locked_folder(path.parent)
-                self.path = self._own / path.name
+                self._private_folder, lock = locked_folder(path.parent)
+                self.path = self._private_folder / path.name
                 self.path.touch()
             self._release = weakref.finalize(self, os.close, lock)
             self._written = self.path.with_name(f"{self.path.name}.done")
@@ -77,7 +77,7 @@ class OutOfCoreMatrix:
             last, _, digest = line.partition(" ")
             if not (last.isdecimal() and self.done < int(last) <= self.shape[1]):
                 break
-            if _digest(self._read(self.done, int(last))) != digest:
+            if hashlib.sha256(self._read(self.done, int(last)).data).hexdigest() != digest:
                 log.warning("%s: damaged from column %d on; made again from there", self.path, self.done)
                 break
             self._ends.append(int(last))
@@ -89,6 +89,12 @@ class OutOfCoreMatrix:
     def widen(self, columns: int) -> None:
         """Add columns."""
         self.shape = (self.shape[0], self.shape[1] + columns)
+
+    def append(self, values: Floats) -> None:
+        """Add columns (n, k) that are in memory; see `fill`."""
+        before = self.shape[1]
+        self.widen(values.shape[1])
+        self.fill(self.shape[1], lambda first, last: values[:, first - before : last - before])
 
     def narrowed(self, columns: int) -> Self:
         """Its first columns."""
@@ -124,15 +130,15 @@ class OutOfCoreMatrix:
             file.flush()
             os.fsync(file.fileno())
         with self._written.open("a") as file:
-            file.write(f"{last} {_digest(values)}\n")
+            file.write(f"{last} {hashlib.sha256(values.data).hexdigest()}\n")
         self._ends.append(last)
 
     def remove(self) -> None:
         """Remove the file."""
         self._written.unlink(missing_ok=True)
         self.path.unlink(missing_ok=True)
-        if self._own is not None:
-            self._own.rmdir()
+        if self._private_folder is not None:
+            self._private_folder.rmdir()
         self._release()
 
     def _read(self, first: int, last: int) -> Floats:
@@ -143,29 +149,29 @@ class OutOfCoreMatrix:
     def _columns(self, some: slice, rows: slice = slice(None)) -> Floats:
         """Rows of some columns, (rows, columns)."""
         low, high, _ = rows.indices(self.shape[0])
-        found = np.empty((high - low, some.stop - some.start))
+        values = np.empty((high - low, some.stop - some.start))
         for first, last in pairwise(self._ends):
             a, b = max(first, some.start), min(last, some.stop)
             if a < b:
                 shape, start = (self.shape[0], last - first), 8 * self.shape[0] * first
                 block = np.memmap(self.path, dtype=float, mode="r", offset=start, shape=shape)
-                found[:, a - some.start : b - some.start] = block[low:high, a - first : b - first]
-        return found
+                values[:, a - some.start : b - some.start] = block[low:high, a - first : b - first]
+        return values
 
     def before(self, A: csr_matrix | Floats) -> Floats:
         """A @ T for a few rows A (b, n)."""
-        found = np.empty((A.shape[0], self.shape[1]))
+        product = np.empty((A.shape[0], self.shape[1]))
         for some in self._blocks():
-            found[:, some] = A @ self._columns(some)
-        return found
+            product[:, some] = A @ self._columns(some)
+        return product
 
     def combined(self, V: Floats) -> Floats:
         """T @ V for a few columns V (m, k)."""
-        found = np.zeros((self.shape[0], V.shape[1]))
+        product = np.zeros((self.shape[0], V.shape[1]))
         for some in self._blocks():
             if V[some].any():
-                found += self._columns(some) @ V[some]
-        return found
+                product += self._columns(some) @ V[some]
+        return product
 
     def gram(
         self,
@@ -190,25 +196,25 @@ class OutOfCoreMatrix:
         return total[first:, first:]
 
     def against(
-        self, A: csr_matrix | Symmetric, M: csr_matrix, rows: Ints, own: tuple[int, int]
+        self, A: csr_matrix | Symmetric, M: csr_matrix, rows: Ints, first: int, since: int
     ) -> list[Floats]:
         """T^T M T and T^T A T of all columns with those from `first` on; see `gram` for `rows`.
 
         Parameters
         ----------
-        own : `first`, and the column from which on T^T A T is asked for
+        since : the column from which on T^T A T is asked for
         """
-        (first, since), columns = own, self._reader(M.shape[0], rows)
-        found = [np.zeros((self.shape[1], self.shape[1] - first)) for _ in (M, A)]
+        columns = self._reader(M.shape[0], rows)
+        totals = [np.zeros((self.shape[1], self.shape[1] - first)) for _ in (M, A)]
         for right in self._blocks(first):
             X, to = columns(right), slice(right.start - first, right.stop - first)
             both = [M @ X, A @ X]
             asked = [(left, both if left.stop > since else both[:1]) for left in self._blocks()]
-            forms = self.each(partial(_times, columns, *one) for one in asked)
-            for (left, _), made in zip(asked, forms, strict=True):
-                for total, form in zip(found, made, strict=False):
+            forms = self.each(partial(_times, columns, left, products) for left, products in asked)
+            for (left, _), of_left in zip(asked, forms, strict=True):
+                for total, form in zip(totals, of_left, strict=False):
                     total[left, to] = form
-        return [found[0], found[1][since:]]
+        return [totals[0], totals[1][since:]]
 
     def _reader(
         self, size: int, rows: Ints | None, less: tuple[Floats, Floats] | None = None
@@ -262,7 +268,3 @@ def _writing(path: Path) -> Iterator[None]:
         raise WriteError(
             f"{path}: cannot be written ({error}); free the disk, what is finished is gone on with"
         ) from error
-
-
-def _digest(values: Floats) -> str:
-    return hashlib.sha256(values.data).hexdigest()

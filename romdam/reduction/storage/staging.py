@@ -12,17 +12,17 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Bools, Scene
-from romdam.fem.assembly import assemble_mass
+from romdam.core.scene import Scene
+from romdam.fem.assembly import Assembly, assemble_mass
 from romdam.fem.loads import weight_force
-from romdam.fem.parts import assemble_part, gather
+from romdam.fem.parts import gather, part_matrices
 from romdam.fem.sections import initial_section_forces
 from romdam.fem.stress import thermal_stress
-from romdam.geometry.elements import Floats
 from romdam.linalg.factor import Factor
-from romdam.scene.ties import Part, scene_parts
+from romdam.scene.ties import scene_parts
 
 
 def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:
@@ -38,40 +38,39 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
     ConfigError
         where nothing but joints holds a part: it cannot stand free.
     """
-    found = {name: np.zeros_like(block.points) for name, block in scene.blocks.items()}
+    displacement = {name: np.zeros_like(block.points) for name, block in scene.blocks.items()}
     if not scene.staged_weight or not scene.gravity.any():
-        return found
-    for part in scene_parts(scene).values():
-        fixed = part.fixed(scene.fixed)
-        if not part.stands_free(scene):
+        return displacement
+    for mesh_part in scene_parts(scene).values():
+        if not mesh_part.stands_free(scene):
             raise ConfigError(
-                f"loads.weight: staged needs parts that stand free, but {part.name!r} is held by joints "
+                f"loads.weight: staged needs parts that stand free, but {mesh_part.name!r} is held by joints "
                 "only; add a support, or set loads.weight: monolithic"
             )
-        weight = {n: weight_force(scene, n, assemble_mass(scene.blocks[n])).ravel() for n in part.blocks}
-        if basis is not None and len(part.blocks) > 1:
-            found |= _from_basis({name: basis[name] for name in part.blocks}, weight)
-        else:
-            found |= _from_mesh(part, scene, ~fixed.ravel(), gather(part, weight))
-    return found
-
-
-def _from_basis(basis: dict[str, BlockBasis], weight: dict[str, Floats]) -> dict[str, Floats]:
-    force = np.zeros(max(block.columns.stop for block in basis.values()))
-    stiffness = np.ones_like(force)
-    for name, block in basis.items():
-        if weight[name].any():  # rock may have none
-            force[block.columns] += block.vectors.project(weight[name])
-        stiffness[block.columns] = block.omega2
-    q = force / stiffness
-    return {name: block.vectors.apply(q[block.columns]).reshape(-1, 3) for name, block in basis.items()}
-
-
-def _from_mesh(part: Part, scene: Scene, free: Bools, weight: Floats) -> dict[str, Floats]:
-    K = csr_matrix(assemble_part(part, scene.blocks)[0][free][:, free])
-    whole = np.zeros(len(free))
-    whole[free] = Factor(K).solve(weight[free])
-    return {name: (part.spread(name) @ whole).reshape(-1, 3) for name in part.blocks}
+        if basis is not None and len(mesh_part.blocks) > 1:
+            bases = {name: basis[name] for name in mesh_part.blocks}
+            force = np.zeros(max(block.columns.stop for block in bases.values()))
+            stiffness = np.ones_like(force)
+            for name, block in bases.items():
+                weight = weight_force(scene, name, assemble_mass(scene.blocks[name])).ravel()
+                if weight.any():  # rock may have none
+                    force[block.columns] += block.vectors.project(weight)
+                stiffness[block.columns] = block.omega2
+            q = force / stiffness
+            for name, block in bases.items():
+                displacement[name] = block.vectors.apply(q[block.columns]).reshape(-1, 3)
+            continue
+        assembly = Assembly(scene.blocks)
+        weights = {
+            name: weight_force(scene, name, assembly.matrices(name)[1]).ravel() for name in mesh_part.blocks
+        }
+        free = ~mesh_part.fixed(scene.fixed).ravel()
+        K = csr_matrix(part_matrices(mesh_part, assembly)[0][free][:, free])
+        u = np.zeros(len(free))
+        u[free] = Factor(K).solve(gather(mesh_part, weights)[free])
+        for name in mesh_part.blocks:
+            displacement[name] = (mesh_part.spread(name) @ u).reshape(-1, 3)
+    return displacement
 
 
 def initial_forces(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:
@@ -94,11 +93,11 @@ def initial_stress(
     operators : see `romdam.fem.stress.stress_operators`
     basis : as in `staged_displacement`
     """
-    found = thermal_stress(scene)
+    stress = thermal_stress(scene)
     if not scene.staged_weight:
-        return found
+        return stress
     displacement = staged_displacement(scene, basis)
     return {
         name: offset + (operators[name] @ displacement[name].ravel()).reshape(offset.shape)
-        for name, offset in found.items()
+        for name, offset in stress.items()
     }

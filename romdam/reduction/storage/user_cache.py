@@ -78,11 +78,11 @@ class UserCache(BlockStore):
 
     def read(self, key: str, inner: BlockBasis | None = None) -> BlockBasis | None:
         """As `BlockStore`; what is found counts as used now."""
-        found = super().read(key, inner)
-        if found is not None:
+        basis = super().read(key, inner)
+        if basis is not None:
             log.info("%s: the reduced block is found", self.path(key))
             self._use(key)
-        return found
+        return basis
 
     def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
         """As `BlockStore`; where the disk refuses the block, the job goes on without keeping it."""
@@ -123,42 +123,35 @@ class UserCache(BlockStore):
 
 def entries(folder: Path) -> list[Entry]:
     """Files in the user's cache, that used longest ago in front."""
-    found = []
-    for level in (folder, *_of_before(folder)):
+    # folders of single codes, as earlier versions had them; others are of files being written
+    earlier = [path for path in folder.iterdir() if _CODE.fullmatch(path.name)] if folder.is_dir() else []
+    files = []
+    for level in (folder, *earlier):
         with suppress(OSError):  # another process has removed the folder of before
             for path in (path for name in _FILES for path in level.glob(name)):
                 with suppress(OSError):  # or the file
                     about = path.stat()
-                    found.append(Entry(path, about.st_size, about.st_mtime))
-    return sorted(found, key=lambda entry: (entry.used, entry.path))
-
-
-def _of_before(folder: Path) -> list[Path]:
-    """Folders of single codes, as versions of before had them; others are of files being written."""
-    return [path for path in folder.iterdir() if _CODE.fullmatch(path.name)] if folder.is_dir() else []
+                    files.append(Entry(path, about.st_size, about.st_mtime))
+    return sorted(files, key=lambda entry: (entry.used, entry.path))
 
 
 def remove(entry: Entry) -> bool:
     """Remove a file, unless another process is writing it; whoever reads it keeps what it has."""
     try:
         if entry.path.suffix == ".columns":
-            return _remove_unfinished(entry.path)
+            lock = hold(entry.path)
+            if lock is None:
+                return False
+            try:
+                entry.path.with_name(f"{entry.path.name}.done").unlink(missing_ok=True)
+                entry.path.unlink(missing_ok=True)
+            finally:
+                os.close(lock)
+            return True
         entry.path.unlink(missing_ok=True)
     except OSError:  # Windows: it is open
         return False
     if _CODE.fullmatch(entry.path.parent.name):
         with suppress(OSError):  # other blocks are there
             entry.path.parent.rmdir()
-    return True
-
-
-def _remove_unfinished(path: Path) -> bool:
-    lock = hold(path)
-    if lock is None:
-        return False
-    try:
-        path.with_name(f"{path.name}.done").unlink(missing_ok=True)
-        path.unlink(missing_ok=True)
-    finally:
-        os.close(lock)
     return True
