@@ -80,8 +80,7 @@ class _Tried:
         self.run(coarse)
         self.run(fine)
         runs = self.trials[coarse].run, self.trials[fine].run
-        if coarse not in self.statements:
-            self.statements[coarse] = discretisation(*runs, finer=True, about=self.about)
+        self.statements[coarse] = discretisation(*runs, finer=True, about=self.about)  # better than before
         self.statements[fine] = discretisation(*runs[::-1], finer=False, about=self.about)
         if self.error(coarse) <= self.share:
             return coarse

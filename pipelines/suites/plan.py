@@ -21,6 +21,7 @@ from romdam.core.errors import ConfigError, RecordError
 from romdam.core.fingerprint import code_digest, fingerprint, scene_content
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -59,6 +60,7 @@ class Plan:
     samples, design : what the samples vary; the same as a Dataset
     runs : of the records that can be used, in the order of the design
     considered : records of entries with a target, those that were passed over too
+    mesh_statement : of the error of the mesh that `transient.accuracy.total` has chosen
     """
 
     job: Job
@@ -68,6 +70,7 @@ class Plan:
     design: xr.Dataset
     runs: list[Run]
     considered: tuple[Loaded, ...] = ()
+    mesh_statement: ErrorStatement | None = None
 
     @cached_property
     def first(self) -> dict[str, Run]:
@@ -98,7 +101,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     _refuse_many(job, len(records), design.sizes["sample"])
     motions = [record.motion for record in records if record.motion is not None]
     log_warnings(job, ())  # of the records there may be hundreds
-    job, _ = choose_mesh_and_modes(job, motions, clock)
+    job, choice = choose_mesh_and_modes(job, motions, clock)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
         places,
@@ -110,7 +113,8 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)
-    plan = Plan(job, scene, records, samples, design, runs, tuple(considered))
+    statement = choice and choice.statement
+    plan = Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
     _try_summary(plan)
     return plan
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Source, load_config
+from romdam.config.load import Job, Source, load_config
 from romdam.config.sections.suite import KeepConfig
 from romdam.core.errors import placed
 from romdam.core.files import prepare_folder, sweep_parts
@@ -20,6 +20,7 @@ from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.kept import write_kept
+from romdam.pipelines.suites.mesh_error import state_mesh_error
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite, Task
@@ -122,10 +123,15 @@ def run_suite(
     with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
+        statement = state_mesh_error(plan, show, suite_store(plan.job, folder, options.cache))
+        if statement is not None:
+            tell(statement.sentence)
         rows, count = _make_missing(suite, plan, folder, pool, clock, tell)
         with clock.stage("summary", "writing the summary"):
             row_of = {run.index: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, row_of)
+            if statement is not None:
+                summary.attrs.update(statement.attributes)
             write_dataset(plan.design, folder / DESIGN)
             write_choice(plan.considered, folder)
             path, *tables = write_summary_files(summary, plan.job, folder)
@@ -139,11 +145,16 @@ def run_suite(
     return SuiteOutcome(path, summary, summary.status.size, count, failures, left, tuple(tables))
 
 
+def suite_store(job: Job, folder: Path, cache: Path | None) -> BlockStore:
+    """Where a suite keeps reduced blocks: the given folder, that of the configuration, or one of its own."""
+    configured = job.config.suite.cache if job.config.suite else None
+    return BlockStore(cache or (job.folder / configured if configured else folder / CACHE_FOLDER))
+
+
 def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Suite:
     """The reduced model, once for all samples."""
     job, scene = plan.job, plan.scene
-    configured = job.config.suite.cache if job.config.suite else None
-    store = BlockStore(cache or (job.folder / configured if configured else folder / CACHE_FOLDER))
+    store = suite_store(job, folder, cache)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         model = reduced_model(job, scene, store, estimated=True)
     model = replace(model, stress=stress_fields(scene, model.reduced))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -113,7 +114,13 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
     each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
     more = f"; of {' and '.join(unknown)} unknown" if unknown else ""
     total = f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {each}{more}"
-    return [*lines, f"mesh           {mesh}", f"total          {total}"]
+    lines += [f"mesh           {mesh}", f"total          {total}"]
+    tried = [
+        f"{entry['mesh']} {100 * entry['opening_error']:.2g} % ({entry['unknowns']} unknowns, "
+        f"{entry['gaps']} gaps, {entry['cpu_seconds']:.2g} s of CPU){', chosen' if entry['chosen'] else ''}"
+        for entry in json.loads(str(attrs.get("discretisation", "{}"))).get("meshes", [])
+    ]
+    return [*lines, f"meshes tried   {'; '.join(tried)}"] if tried else lines
 
 
 def _time_error(attrs: Mapping[str, object]) -> str:

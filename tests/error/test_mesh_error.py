@@ -146,10 +146,38 @@ def test_a_job_without_the_mesh_it_asks_for_is_refused(tmp_path):
     ]
     for code, _, err in said:
         assert code == 2 and f"outputs.mesh_error: no coarser mesh: {tmp_path}" in err.replace("\n", " ")
-    raw |= {"pipeline": "suite", "suite": {"scales": [1.0]}}
-    (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
-    code, _, err = call("check", tmp_path / "small.yaml")
-    assert code == 2 and "outputs.mesh_error: is stated of runs and not of suites" in err
+
+
+def test_a_suite_states_it_once_at_its_largest_and_smallest_scale(tmp_path):
+    """Of two records at two scales the stronger one; at each scale as `run` states it of that record."""
+    raw = yaml.safe_load(SMALL)
+    raw["model"] = {"modes": 4}
+    time = np.arange(100) * 0.01
+    pulse = np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time)
+    np.savetxt(tmp_path / "pulse.txt", 6.0 * pulse)
+    np.savetxt(tmp_path / "weak.txt", 2.0 * pulse)
+    (entry,) = raw["records"]
+    weak = {key: value for key, value in entry.items() if key != "name"} | {"file": "weak.txt"}
+    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": "finer"}
+    stated = {}
+    for scale in (1.0, 1.5):
+        (tmp_path / "run.yaml").write_text(yaml.safe_dump(raw | {"records": [entry | {"scale": scale}]}))
+        code, _, err = call("run", tmp_path / "run.yaml", "--out", tmp_path / f"run{scale}", "--quiet")
+        assert code == 0, err
+        (path,) = (tmp_path / f"run{scale}").glob("pulse*.nc")
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            stated[scale] = json.loads(dataset.attrs["discretisation"])["error"]
+    suite = raw | {"records": [weak, entry], "pipeline": "suite", "suite": {"scales": [1.0, 1.5]}}
+    (tmp_path / "suite.yaml").write_text(yaml.safe_dump(suite))
+    code, _, err = call("run", tmp_path / "suite.yaml", "--out", tmp_path / "suite", "--quiet")
+    assert code == 0, err
+    with xr.open_dataset(tmp_path / "suite" / "summary.nc", engine="h5netcdf") as summary:
+        document = json.loads(summary.attrs["discretisation"])
+    assert document["error"]["opening"]["l2"] == pytest.approx(stated[1.5]["opening"]["l2"], rel=1e-9)
+    assert [entry["scale_factor"] for entry in document["scales"]] == [1.0, 1.5]
+    for entry in document["scales"]:
+        wanted = stated[entry["scale_factor"]]["opening"]["l2"]
+        assert entry["opening"]["l2"] == pytest.approx(wanted, rel=1e-9)
 
 
 def test_matrices_of_other_programs_have_no_finer_mesh(tmp_path):

@@ -80,6 +80,8 @@ def chosen(errors, total, element="hex8"):
         (0.02, "quadratic elements of twice the size", 4),
         # 0.6 %: quadratic ones of 1 m leave 0.1 %: stated 0.35 %
         (0.01, "quadratic elements as given", 4),
+        # 0.15 %: 0.5 m, run to judge 1 m, tell that this leaves 0.13 %, where 2 m told 0.35 %
+        (0.0025, "quadratic elements as given", 5),
         # 0.12 %: 0.5 m leave 0.0125 %: stated 0.5 x 0.0875 = 0.044 %
         (0.002, "quadratic elements of 0.5 times the size", 5),
     ],
@@ -145,6 +147,8 @@ def test_a_run_chooses_states_and_keeps_its_total(tmp_path):
     assert "NOT kept" not in attrs["run_warnings"]
     code, text, _ = call("info", tmp_path / "out" / "pulse.nc")
     assert code == 0 and "was chosen: the mesh may leave 6 % of the total of 10 %" in text
+    (tried,) = [line for line in text.splitlines() if line.startswith("meshes tried   ")]
+    assert tried.count(" unknowns, ") == len(document["meshes"]) and ", chosen" in tried
 
 
 @pytest.mark.parametrize(

@@ -224,7 +224,7 @@ class OutputsConfig(Model):
     """Estimate of the reduction error in every result."""
     mesh_error: Literal["finer", "coarser"] | None = None
     """Mesh of half (finer) or twice (coarser) the size of the elements, on which every run is made again to
-    state the error of its own mesh."""
+    state the error of its own mesh; of a suite the strongest record, at its largest and smallest scale."""
 
 
 class Config(Model):
@@ -292,7 +292,6 @@ class Config(Model):
         self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
-        self._refuse_mesh_error_of_suites()
         self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
@@ -369,13 +368,6 @@ class Config(Model):
             raise ValueError(
                 f"transient.integrator: {name} is for scenes without damping, and `damping` is given; "
                 "leave the integrator out, adaptive is the default there"
-            )
-
-    def _refuse_mesh_error_of_suites(self) -> None:
-        if self.pipeline == "suite" and self.outputs.mesh_error is not None:
-            raise ValueError(
-                "outputs.mesh_error: is stated of runs and not of suites; leave it out, and take "
-                "`romdam verify --mesh`, which runs the first record"
             )
 
     def _refuse_total_that_no_run_states(self) -> None:

@@ -1,0 +1,55 @@
+"""The error of the mesh of a suite: its strongest record on the suite's mesh and on a sibling of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from romdam.core.errors import describe_error, recoverable
+from romdam.error.statement import ErrorStatement
+from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
+from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.suites.plan import Plan
+from romdam.pipelines.suites.tasks import scaled
+from romdam.reduction.storage.model_file import BlockStore
+
+
+def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStatement | None:
+    """State what the mesh changes in the strongest record at its largest scale, and at its smallest one.
+
+    The joints have the values of the file, not those of a sample. A total accuracy has stated the error of
+    the mesh as it chose it. None where neither is asked for.
+
+    Raises
+    ------
+    ConfigError
+        where there is no such mesh, or the job does not go with it.
+    """
+    if plan.mesh_statement is not None:
+        return plan.mesh_statement
+    clock = Clock(show)
+    sibling = build_sibling(plan.job, clock, store)
+    if sibling is None or not plan.runs:
+        return None
+    strongest = max(plan.runs, key=lambda run: run.factor * plan.motions[run.record].peak)
+    of_record = [run for run in plan.runs if run.record == strongest.record]
+    weakest = min(of_record, key=lambda run: run.factor)
+    model = build_model(plan.job, clock, store)
+    statements = {}
+    try:
+        for run in (weakest, strongest):
+            if run.factor in statements:
+                continue
+            motion = scaled(plan.motions[run.record], run)
+            duration = plan.job.config.transient.duration
+            with clock.stage("mesh", f"stating the error of the mesh, {motion.name}") as progress:
+                history = simulate_motion(plan.job, model.prepared, motion, duration, progress)
+                statements[run.factor] = sibling.state(model, history, motion, progress)
+    except recoverable() as error:
+        why = f"What the mesh changes is unknown: {describe_error(error)}"
+        return ErrorStatement("discretisation", why, {})
+    scales = [
+        {"scale_factor": factor, **{name: error.plain for name, error in statement.errors.items()}}
+        for factor, statement in statements.items()
+    ]
+    stated = statements[strongest.factor]
+    return replace(stated, details=dict(stated.details) | {"scales": scales})
