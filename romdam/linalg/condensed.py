@@ -22,7 +22,7 @@ from scipy.linalg import cholesky, solve_triangular, svd
 from scipy.sparse import coo_matrix, csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Singles
-from romdam.linalg.conjugate import WIDTH, conjugate_gradients
+from romdam.linalg.conjugate import WIDTH, conjugate_gradients, dots
 from romdam.linalg.pardiso import SINGLE_TOLERANCE, PardisoFactor, PardisoSchur, Upper
 from romdam.linalg.symmetric import Symmetric, upper
 
@@ -119,7 +119,7 @@ class CondensedSingle:
         It holds three arrays (n, k) in double precision, conjugate gradients six. These follow if refinement
         does not converge (with factors of two digits or fewer).
         """
-        limit = SINGLE_TOLERANCE * np.sqrt(_squares(right))
+        limit = SINGLE_TOLERANCE * np.sqrt(dots(right, right))
         solution, residual = np.zeros(right.shape), right
         for _ in range(_MOST_REFINEMENTS):
             outer, inner, size = self._scaled_parts(residual)
@@ -127,7 +127,7 @@ class CondensedSingle:
             self._add_solution(outer, inner, size, solution)
             residual = self._matrix @ solution
             np.subtract(right, residual, out=residual)
-            open_ = np.sqrt(_squares(residual)) > limit
+            open_ = np.sqrt(dots(residual, residual)) > limit
             if not open_.any():
                 return solution
         unsolved = right[:, open_]
@@ -226,12 +226,8 @@ class CondensedSingle:
         return np.asarray(force[self._interface] + correction * size)
 
 
-def _squares(columns: Floats) -> Floats:
-    return np.asarray(np.einsum("ij,ij->j", columns, columns))
-
-
 def _column_norms(columns: Floats) -> Floats:
     """Norms (k,) by which columns are divided to stay within single precision, 1e-38 to 1e38; 1 for 0."""
-    size = np.sqrt(_squares(columns))
+    size = np.sqrt(dots(columns, columns))
     size[size == 0.0] = 1.0
     return size

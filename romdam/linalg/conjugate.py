@@ -68,15 +68,16 @@ def conjugate_gradients(
         return solution
     R = np.ascontiguousarray(R[:, open_])
     X, P = np.zeros_like(R), inverse(R)
-    energy = _dots(R, P)
+    energy = dots(R, P)
+    pieces = [slice(k, k + _ROWS) for k in range(0, len(R), _ROWS)]  # stay in the cache between operations
     for _ in range(MOST):
         Q = A @ P
-        step = energy / _dots(P, Q)
-        for rows in _some_rows(len(R)):
+        step = energy / dots(P, Q)
+        for rows in pieces:
             X[rows] += step * P[rows]
             R[rows] -= step * Q[rows]
         del Q
-        done = np.sqrt(_dots(R, R)) <= limit[open_]
+        done = np.sqrt(dots(R, R)) <= limit[open_]
         if done.any():
             if done.all() and len(open_) == solution.shape[1]:
                 return X
@@ -86,8 +87,8 @@ def conjugate_gradients(
             open_, energy = open_[~done], energy[~done]
             X, R, P = (np.ascontiguousarray(a[:, ~done]) for a in (X, R, P))
         Z = inverse(R)
-        before, energy = energy, _dots(R, Z)
-        for rows in _some_rows(len(R)):
+        before, energy = energy, dots(R, Z)
+        for rows in pieces:
             P[rows] = P[rows] * (energy / before) + Z[rows]
     left = float((np.linalg.norm(R, axis=0) / limit[open_]).max() * tolerance)
     raise ReductionError(
@@ -96,10 +97,6 @@ def conjugate_gradients(
     )
 
 
-def _some_rows(count: int) -> list[slice]:
-    """Rows whose sums stay in the cache between two operations."""
-    return [slice(k, k + _ROWS) for k in range(0, count, _ROWS)]
-
-
-def _dots(a: Floats, b: Floats) -> Floats:
+def dots(a: Floats, b: Floats) -> Floats:
+    """Scalar products of the columns of two (n, k), (k,)."""
     return np.asarray(np.einsum("ij,ij->j", a, b))

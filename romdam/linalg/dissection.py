@@ -32,7 +32,7 @@ def dissected(graph: csr_matrix, inner: Bools) -> list[Ints]:
     graph : (n, n) of ones, symmetric: which nodes are coupled
     inner : (n,); those of the others that they meet come last, as the separator of both
     """
-    meeting = _beside(graph, inner)
+    meeting = _neighbours(graph, inner)
     groups = [_ordered(graph, np.flatnonzero(some)) for some in (inner, ~inner & ~meeting)]
     return [*groups[0], *groups[1], *([np.flatnonzero(meeting)] if meeting.any() else [])]
 
@@ -44,47 +44,37 @@ def _ordered(graph: csr_matrix, nodes: Ints) -> list[Ints]:
     subgraph = csr_matrix(graph[nodes][:, nodes])
     count, label = connected_components(subgraph, directed=False)
     if count > 1:
-        return [group for k in range(count) for group in _ordered_from(subgraph, nodes, label == k)]
-    half, separator = _halves(subgraph)
-    if separator.all() or (half | separator).all() or not (half & ~separator).any():
-        return [nodes]
-    return [
-        *_ordered_from(subgraph, nodes, half & ~separator),
-        *_ordered_from(subgraph, nodes, ~half & ~separator),
-        nodes[separator],
-    ]
-
-
-def _ordered_from(graph: csr_matrix, nodes: Ints, some: Bools) -> list[Ints]:
-    return [nodes[group] for group in _ordered(graph, np.flatnonzero(some))]
+        shares = [label == k for k in range(count)]
+    else:
+        half, separator = _halves(subgraph)
+        if separator.all() or (half | separator).all() or not (half & ~separator).any():
+            return [nodes]
+        shares = [half & ~separator, ~half & ~separator]
+    groups = [nodes[group] for some in shares for group in _ordered(subgraph, np.flatnonzero(some))]
+    return groups if count > 1 else [*groups, nodes[separator]]
 
 
 def _halves(graph: csr_matrix) -> tuple[Bools, Bools]:
     """One half of a connected graph, and the fewest nodes that separate it from the other."""
+    start, ranks = 0, list[Ints]()  # of the nodes from one end and from the other
+    for _ in range(3):
+        order = breadth_first_order(graph, start, return_predecessors=False)
+        start = order[-1]
+        ranks.append(np.argsort(order))
     best: tuple[Bools, Bools] | None = None
-    for key in _lengthwise(graph):
+    for key in (ranks[1], ranks[2], ranks[1] - ranks[2]):
         order = np.argsort(key, kind="stable")
         for share in _CUTS:
             half = np.zeros(len(order), dtype=bool)
             half[order[: int(share * len(order))]] = True
             for side in (half, ~half):
-                separator = _beside(graph, side)
+                separator = _neighbours(graph, side)
                 if best is None or separator.sum() < best[1].sum():
                     best = half, separator
     assert best is not None
     return best
 
 
-def _lengthwise(graph: csr_matrix) -> list[Ints]:
-    """Ranks of the nodes from one end, from the other, and their difference."""
-    start, ranks = 0, list[Ints]()
-    for _ in range(3):
-        order = breadth_first_order(graph, start, return_predecessors=False)
-        start = order[-1]
-        ranks.append(np.argsort(order))
-    return [ranks[1], ranks[2], ranks[1] - ranks[2]]
-
-
-def _beside(graph: csr_matrix, some: Bools) -> Bools:
+def _neighbours(graph: csr_matrix, some: Bools) -> Bools:
     """The other nodes that are coupled with some."""
     return np.asarray((graph @ some.astype(graph.dtype)) > 0) & ~some

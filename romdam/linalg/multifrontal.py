@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain, pairwise
 from operator import attrgetter
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.linalg.blas import dsyrk, dtrsm
@@ -41,19 +41,37 @@ class _Front:
     Attributes
     ----------
     border : (b,) ascending
-    own : (m, m), its lower triangle
+    diagonal : (m, m), its lower triangle
     below : (b, m)
     """
 
     first: int
     border: Ints
-    own: Floats
+    diagonal: Floats
     below: Floats
 
     @property
     def rows(self) -> slice:
         """The eliminated rows."""
-        return slice(self.first, self.first + len(self.own))
+        return slice(self.first, self.first + len(self.diagonal))
+
+    @classmethod
+    def eliminated(cls, F: Floats, first: int, border: Ints) -> tuple[Self, Floats]:
+        """Eliminate the first rows of a front F, all but the border's; and what is left on the border.
+
+        Only lower triangles are looked at.
+        """
+        m = len(F) - len(border)
+        L, failed = dpotrf(F[:m, :m], lower=1, clean=0)
+        if failed:
+            raise ReductionError(
+                f"a stiffness matrix is singular or not positive definite (row {first + failed} of the order "
+                "of elimination); look for nodes that no element uses and for missing supports"
+            )
+        if not len(border):
+            return cls(first, border, L, np.zeros((0, m))), np.zeros((0, 0))
+        below = dtrsm(1.0, L, F[m:, :m], side=1, lower=1, trans_a=1)
+        return cls(first, border, L, below), dsyrk(-1.0, below, beta=1.0, c=F[m:, m:], lower=1)
 
 
 class _Rest(NamedTuple):
@@ -93,11 +111,11 @@ class Triangles:
         x = right[self.order]
         for front in self.fronts:
             if x[front.rows].any():
-                x[front.rows] = dtrsm(1.0, front.own, x[front.rows].T, side=1, lower=1, trans_a=1).T
+                x[front.rows] = dtrsm(1.0, front.diagonal, x[front.rows].T, side=1, lower=1, trans_a=1).T
                 x[front.border] -= front.below @ x[front.rows]
         for front in reversed(self.fronts):
             left = x[front.rows] - front.below.T @ x[front.border]
-            x[front.rows] = dtrsm(1.0, front.own, left.T, side=1, lower=1).T
+            x[front.rows] = dtrsm(1.0, front.diagonal, left.T, side=1, lower=1).T
         solution = np.empty_like(x)
         solution[self.order] = x
         return solution
@@ -138,8 +156,22 @@ class Multifrontal:
         early = np.full(number.max() + 1, inner is not None)
         if inner is not None:
             early[number[~inner]] = False
-        graph = _coupled_nodes(matrix, number)
-        groups, borders = _with_borders(graph, dissected(graph, early))
+        pattern = csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape)
+        member = csr_matrix((np.ones(len(number)), number, np.arange(len(number) + 1)))
+        graph = csr_matrix(member.T @ pattern @ member)  # couplings of nodes, as ones
+        graph.data[:] = 1.0
+        groups = dissected(graph, early)
+        # the border of a group: places in the order of elimination of the later nodes that it acts on
+        rank = np.argsort(np.concatenate(groups))
+        ends = np.cumsum([len(group) for group in groups])
+        reached: list[list[Ints]] = [[] for _ in groups]
+        borders = []
+        for group, end, others in zip(groups, ends, reached, strict=True):
+            near = np.unique(np.concatenate([rank[graph[group].indices], *others]))
+            border = near[np.searchsorted(near, end) :]
+            if len(border):
+                reached[np.searchsorted(ends, border[0], side="right")].append(border)
+            borders.append(border)
         self._all = _factorised(matrix, number, groups, borders)
         self.outer = np.flatnonzero(~early[number])
         self.near = self._all.last(len(self.outer)) if early.any() else self._all
@@ -149,33 +181,8 @@ class Multifrontal:
         return self._all.solve(right)
 
 
-def _coupled_nodes(matrix: csr_matrix, number: Ints) -> csr_matrix:
-    """Couplings of nodes, as ones."""
-    pattern = csr_matrix((np.ones(matrix.nnz), matrix.indices, matrix.indptr), matrix.shape)
-    member = csr_matrix((np.ones(len(number)), number, np.arange(len(number) + 1)))
-    graph = csr_matrix(member.T @ pattern @ member)
-    graph.data[:] = 1.0
-    return graph
-
-
-def _with_borders(graph: csr_matrix, groups: list[Ints]) -> tuple[list[Ints], list[Ints]]:
-    """The groups, and the places in the order of elimination of the later nodes that each one acts on."""
-    order = np.concatenate(groups)
-    rank = np.argsort(order)
-    ends = np.cumsum([len(group) for group in groups])
-    reached: list[list[Ints]] = [[] for _ in groups]
-    borders = []
-    for group, end, others in zip(groups, ends, reached, strict=True):
-        near = np.unique(np.concatenate([rank[graph[group].indices], *others]))
-        border = near[np.searchsorted(near, end) :]
-        if len(border):
-            reached[np.searchsorted(ends, border[0], side="right")].append(border)
-        borders.append(border)
-    return groups, borders
-
-
 def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: list[Ints]) -> Triangles:
-    """Eliminate group by group, each in a front of its own."""
+    """Eliminate group by group, each in its front."""
     nodes = np.concatenate(groups)
     rows_of = np.split(np.argsort(number, kind="stable"), np.cumsum(np.bincount(number))[:-1])
     order = np.concatenate([rows_of[node] for node in nodes])
@@ -196,12 +203,22 @@ def _factorised(matrix: csr_matrix, number: Ints, groups: list[Ints], borders: l
             later = (np.arange(starts[node], starts[node + 1]) for node in borders[k])
             rows = np.concatenate([np.arange(first, end), *later])
             rank[rows] = np.arange(len(rows))
-            F = _assembled(lower, first, end, rank, len(rows))
+            F = np.zeros((len(rows), len(rows)), order="F")  # the matrix' numbers in its first columns
+            numbers = slice(lower.indptr[first], lower.indptr[end])
+            column = np.repeat(np.arange(end - first), np.diff(lower.indptr[first : end + 1]))
+            row = lower.indices[numbers]
+            later_row = row >= first
+            F[rank[row[later_row]], column[later_row]] = lower.data[numbers][later_row]
             left[k].sort(key=attrgetter("group"))  # whoever has come first
-            while left[k]:
+            while left[k]:  # add what earlier groups have left, run by run of neighbouring rows
                 rest = left[k].pop()
-                _add(F, rank[rest.rows], rest.values)
-            front, values = _eliminated(F, first, rows[end - first :], end - first)
+                at = rank[rest.rows]
+                edges = [0, *(np.flatnonzero(np.diff(at) > 1) + 1), len(at)]
+                runs = [(slice(at[a], at[a] + b - a), slice(a, b)) for a, b in pairwise(edges)]
+                for n, (to, of) in enumerate(runs):
+                    for below, under in runs[n:]:
+                        F[below, to] += rest.values[under, of]
+            front, values = _Front.eliminated(F, first, rows[end - first :])
             left[after[k]].append(_Rest(k, front.border, values))
             fronts.append(front)
         return fronts
@@ -235,42 +252,3 @@ def _independent(after: list[int], work: Floats) -> list[list[int]]:
     for k in reversed(range(count)):
         of[k] = tops.index(k) if k in tops else of[after[k]]
     return [np.flatnonzero(of[:-1] == number).tolist() for number in range(len(tops) + 1)]
-
-
-def _assembled(matrix: csc_matrix, first: int, end: int, rank: Ints, size: int) -> Floats:
-    """A front with the matrix' own numbers in its first columns."""
-    F = np.zeros((size, size), order="F")
-    some = slice(matrix.indptr[first], matrix.indptr[end])
-    column = np.repeat(np.arange(end - first), np.diff(matrix.indptr[first : end + 1]))
-    row = matrix.indices[some]
-    later = row >= first
-    F[rank[row[later]], column[later]] = matrix.data[some][later]
-    return F
-
-
-def _add(F: Floats, at: Ints, rest: Floats) -> None:
-    """Add a lower triangle to that of a front at ascending rows, run by run of neighbours."""
-    ends = [0, *(np.flatnonzero(np.diff(at) > 1) + 1), len(at)]
-    runs = [(slice(at[a], at[a] + b - a), slice(a, b)) for a, b in pairwise(ends)]
-    for k, (to, of) in enumerate(runs):
-        for below, under in runs[k:]:
-            F[below, to] += rest[under, of]
-
-
-def _eliminated(F: Floats, first: int, border: Ints, size_inner: int) -> tuple[_Front, Floats]:
-    """Eliminate the own rows of a front; what is left on its border.
-
-    Only lower triangles are looked at.
-    """
-    L, failed = dpotrf(F[:size_inner, :size_inner], lower=1, clean=0)
-    if failed:
-        raise ReductionError(
-            f"a stiffness matrix is singular or not positive definite (row {first + failed} of the order of "
-            "elimination); look for nodes that no element uses and for missing supports"
-        )
-    if not len(border):
-        return _Front(first, border, L, np.zeros((0, size_inner))), np.zeros((0, 0))
-    below = dtrsm(1.0, L, F[size_inner:, :size_inner], side=1, lower=1, trans_a=1)
-    return _Front(first, border, L, below), dsyrk(
-        -1.0, below, beta=1.0, c=F[size_inner:, size_inner:], lower=1
-    )

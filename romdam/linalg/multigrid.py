@@ -13,11 +13,9 @@ Vanek, Mandel, Brezina, Computing 56 (1996) 179; Adams et al., J. Comput. Phys. 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +67,36 @@ class _Level:
     P: Blocks
     R: Blocks
 
+    @classmethod
+    def of(cls, A: bsr_matrix, P: bsr_matrix) -> Self:
+        """From a matrix and the prolongation to it from the next level."""
+        from romdam.linalg.blocks import Blocks
+
+        diagonal = A.diagonal()
+        inverse = np.where(diagonal > 0.0, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)[:, None]
+        vector = np.random.default_rng(0).standard_normal((A.shape[0], 1))
+        largest = 1.0
+        for _ in range(_POWER):
+            vector = inverse * (A @ vector)
+            largest = float(np.linalg.norm(vector))
+            vector /= largest
+        A, P, R = (Blocks.of(matrix, np.float32) for matrix in (A, P, P.T))
+        return cls(A, inverse.astype(np.float32), 1.1 * largest, P, R)
+
+    def smooth(self, right: Singles, X: Singles | None) -> Singles:
+        """Chebyshev's iteration on the upper part of the spectrum, from zero where X is None."""
+        high, low = self.largest, self.largest / _RANGE
+        centre, half = (high + low) / 2, (high - low) / 2  # Python's numbers: they leave the precision
+        weight = half / centre
+        change = (right if X is None else right - self.A @ X) * (self.inverse / centre)
+        X = change.copy() if X is None else X + change
+        for _ in range(_DEGREE - 1):
+            after = 1.0 / (2.0 * centre / half - weight)
+            change = after * weight * change + (right - self.A @ X) * (2.0 * after / half * self.inverse)
+            X += change
+            weight = after
+        return X
+
 
 class Multigrid:
     """Solve with a symmetric positive definite matrix of elasticity.
@@ -91,19 +119,32 @@ class Multigrid:
         _, node = np.unique(motions.row // 3, return_inverse=True)
         row = 3 * node + motions.row % 3
         self._whole = 3 * (int(node[-1]) + 1)
-        whole = matrix if self._whole == self.size else _padded(matrix, row, self._whole)
+        whole = matrix
+        if self._whole != self.size:  # over whole nodes: components that are not there stand alone
+            start = np.zeros(self._whole + 1, dtype=matrix.indptr.dtype)
+            start[row + 1] = np.diff(matrix.indptr)
+            columns = row.astype(matrix.indices.dtype)[matrix.indices]
+            moved = csr_matrix(
+                (matrix.data, columns, np.cumsum(start, dtype=start.dtype)), shape=(self._whole, self._whole)
+            )
+            alone = np.ones(self._whole)
+            alone[row] = 0.0
+            whole = csr_matrix(moved + diags_array(alone * float(matrix.diagonal().mean())))
         blocks = whole.tobsr((3, 3))
         del whole
         rigid = np.zeros((self._whole, 6))
         rigid[row] = motions.rigid
-        order = _narrow(blocks)
+        # nodes in an order of small bandwidth (Cuthill and McKee)
+        ones, nodes = np.ones(len(blocks.indices), dtype=np.int8), self._whole // 3
+        graph = csr_matrix((ones, blocks.indices, blocks.indptr), shape=(nodes, nodes))
+        order = np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)
         self._row = 3 * np.argsort(order)[node] + motions.row % 3
         prolongations, matrices = _aggregated(blocks, rigid)
         matrices[0] = blocks = _ordered(blocks, order, order)
         prolongations[:1] = [_ordered(P, order, None) for P in prolongations[:1]]
         self._matrix = Blocks.of(blocks, np.float64)
         self._coarsest = np.asarray(pinvh(matrices.pop().toarray()), dtype=np.float32)
-        self._levels = [_level(A, P) for A, P in zip(matrices, prolongations, strict=True)]
+        self._levels = [_Level.of(A, P) for A, P in zip(matrices, prolongations, strict=True)]
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, k) right-hand sides.
@@ -149,45 +190,9 @@ class Multigrid:
         if depth == len(self._levels):
             return np.asarray(self._coarsest @ right)
         level = self._levels[depth]
-        X = _smooth(level, right, None)
+        X = level.smooth(right, None)
         X += level.P @ self._cycle(level.R @ (right - level.A @ X), depth + 1)
-        return _smooth(level, right, X)
-
-
-def _smooth(level: _Level, right: Singles, X: Singles | None) -> Singles:
-    """Chebyshev's iteration on the upper part of the spectrum."""
-    high, low = level.largest, level.largest / _RANGE
-    centre, half = (high + low) / 2, (high - low) / 2  # Python's numbers: they leave the precision as it is
-    weight = half / centre
-    change = (right if X is None else right - level.A @ X) * (level.inverse / centre)
-    X = change.copy() if X is None else X + change
-    for _ in range(_DEGREE - 1):
-        after = 1.0 / (2.0 * centre / half - weight)
-        change = after * weight * change + (right - level.A @ X) * (2.0 * after / half * level.inverse)
-        X += change
-        weight = after
-    return X
-
-
-def _padded(matrix: csr_matrix, row: Ints, whole: int) -> csr_matrix:
-    """The matrix over whole nodes: components that are not there stand alone."""
-    start = np.zeros(whole + 1, dtype=matrix.indptr.dtype)
-    start[row + 1] = np.diff(matrix.indptr)
-    moved = csr_matrix(
-        (matrix.data, row.astype(matrix.indices.dtype)[matrix.indices], np.cumsum(start, dtype=start.dtype)),
-        shape=(whole, whole),
-    )
-    alone = np.ones(whole)
-    alone[row] = 0.0
-    return csr_matrix(moved + diags_array(alone * float(matrix.diagonal().mean())))
-
-
-def _narrow(matrix: bsr_matrix) -> Ints:
-    """The nodes in an order of small bandwidth (Cuthill and McKee)."""
-    ones = np.ones(len(matrix.indices), dtype=np.int8)
-    nodes = matrix.shape[0] // 3
-    graph = csr_matrix((ones, matrix.indices, matrix.indptr), shape=(nodes, nodes))
-    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)
+        return level.smooth(right, X)
 
 
 def _ordered(matrix: bsr_matrix, rows: Ints, columns: Ints | None) -> bsr_matrix:
@@ -200,7 +205,7 @@ def _ordered(matrix: bsr_matrix, rows: Ints, columns: Ints | None) -> bsr_matrix
 
 
 def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], list[bsr_matrix]]:
-    """The prolongations from level to level, and the levels' matrices, the first one's own in front.
+    """The prolongations from level to level, and the levels' matrices, the given one in front.
 
     Nodes are aggregated in their own order: in one of small bandwidth aggregates are smaller, and a column of
     a tet10 block of 26,264 unknowns takes 27 iterations instead of 19.
@@ -211,41 +216,20 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
         raise ReductionError(
             f"multigrid: pyamg is not installed ({error}); pip install 'romdam[large]'"
         ) from error
-    with _same_draws():
-        levels = smoothed_aggregation_solver(
-            matrix,
-            B=rigid,
-            strength=("symmetric", {"theta": _STRENGTH}),
-            improve_candidates=None,
-            presmoother=None,
-            postsmoother=None,
-            max_coarse=_COARSEST,
-        ).levels
-    return [level.P for level in levels[:-1]], [matrix, *(level.A for level in levels[1:])]
-
-
-@contextmanager
-def _same_draws() -> Iterator[None]:
-    """In the body pyamg, which draws from numpy's global generator, draws the same; one thread at a time."""
+    # pyamg draws from numpy's global generator: the same each time, in one thread at a time
     with _DRAWING:
         state = np.random.get_state()  # noqa: NPY002
         np.random.seed(0)  # noqa: NPY002
         try:
-            yield
+            levels = smoothed_aggregation_solver(
+                matrix,
+                B=rigid,
+                strength=("symmetric", {"theta": _STRENGTH}),
+                improve_candidates=None,
+                presmoother=None,
+                postsmoother=None,
+                max_coarse=_COARSEST,
+            ).levels
         finally:
             np.random.set_state(state)  # noqa: NPY002
-
-
-def _level(A: bsr_matrix, P: bsr_matrix) -> _Level:
-    from romdam.linalg.blocks import Blocks
-
-    diagonal = A.diagonal()
-    inverse = np.where(diagonal > 0.0, 1.0 / np.where(diagonal > 0.0, diagonal, 1.0), 0.0)[:, None]
-    vector = np.random.default_rng(0).standard_normal((A.shape[0], 1))
-    largest = 1.0
-    for _ in range(_POWER):
-        vector = inverse * (A @ vector)
-        largest = float(np.linalg.norm(vector))
-        vector /= largest
-    A, P, R = (Blocks.of(matrix, np.float32) for matrix in (A, P, P.T))
-    return _Level(A, inverse.astype(np.float32), 1.1 * largest, P, R)
+    return [level.P for level in levels[:-1]], [matrix, *(level.A for level in levels[1:])]

@@ -137,7 +137,25 @@ def candidates(unknowns: int, columns: int, solving: Solving, location: str) -> 
         )
     fit = [e for e in wanted if e.memory <= solving.limit]
     if not fit:
-        raise ReductionError(_refusal(unknowns, wanted, costs, solving, location))
+        limit = shown_size(solving.limit)
+        named = "model.memory" if solving.memory is not None else "four fifths of this machine's memory"
+        needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in wanted)
+        least = min(costs, key=lambda e: e.memory)
+        bytes_of = [_FITS[e.solver][2] for e in wanted]
+        most = max(
+            1e6 * (solving.limit / bytes_.at_million) ** (1.0 / bytes_.exponent) for bytes_ in bytes_of
+        )
+        scale = 10 ** max(int(np.log10(max(most, 1.0))) - 1, 0)
+        other = (
+            ""
+            if least in wanted
+            else f"model.solver: {least.solver}, which needs {shown_size(least.memory)}; "
+        )
+        raise ReductionError(
+            f"{location}: {unknowns} unknowns need more than {named} = {limit} (estimated: {needs}); "
+            f"{other}give at least {shown_size(1.05 * least.memory)}, or a mesh of at most about "
+            f"{int(most / scale) * scale} unknowns"
+        )
     others = [e for e in costs if e.memory <= solving.limit and e not in fit]
     return fit + others
 
@@ -158,29 +176,6 @@ def without_factors(unknowns: int, columns: int, solving: Solving, location: str
     return (
         f"{location}: multigrid for {unknowns} unknowns, factors do not fit in {shown_size(solving.limit)} "
         f"(estimated: {needs}); about {chosen.seconds:.0f} s"
-    )
-
-
-def _refusal(
-    unknowns: int, wanted: list[Estimate], costs: list[Estimate], solving: Solving, location: str
-) -> str:
-    limit = solving.limit
-    named = "model.memory" if solving.memory is not None else "four fifths of this machine's memory"
-    needs = ", ".join(f"{e.solver} {shown_size(e.memory)}" for e in wanted)
-    least = min(costs, key=lambda e: e.memory)
-    most = max(
-        1e6 * (limit / bytes_.at_million) ** (1.0 / bytes_.exponent)
-        for bytes_ in (_FITS[e.solver][2] for e in wanted)
-    )
-    other = (
-        f"model.solver: {least.solver}, which needs {shown_size(least.memory)}; "
-        if least not in wanted
-        else ""
-    )
-    return (
-        f"{location}: {unknowns} unknowns need more than {named} = {shown_size(limit)} (estimated: {needs}); "
-        f"{other}"
-        f"give at least {shown_size(1.05 * least.memory)}, or a mesh of at most about {_round(most)} unknowns"
     )
 
 
@@ -211,7 +206,11 @@ def make_solver(
         "superlu": lambda: Factor(whole(matrix)),
         "multifrontal": lambda: Multifrontal(whole(matrix), motions.row // 3, inner),
         "pardiso": lambda: PardisoFactor(upper(matrix), solving.limit),
-        "pardiso_single": lambda: _single(matrix, inner, solving.limit),
+        "pardiso_single": lambda: (
+            PardisoSingle(matrix, solving.limit)
+            if inner is None or not is_condensable(matrix, inner)
+            else CondensedSingle(matrix, inner, solving.limit)
+        ),
         "multigrid": lambda: Multigrid(whole(matrix), motions),
     }
     tried = candidates(matrix.shape[0], columns, solving, location)
@@ -224,40 +223,17 @@ def make_solver(
         )  # fmt: skip
         try:
             solver = makers[estimate.solver]()
-            _prove(solver, matrix)
-            return solver
+            known = np.random.default_rng(0).standard_normal(solver.size)
+            off = float(np.linalg.norm(solver.solve(matrix @ known) - known) / np.linalg.norm(known))
+            if off < _WRONG:
+                return solver
+            raise ReductionError(
+                f"a stiffness matrix of {solver.size} unknowns is singular or nearly so (a trial solve is "
+                f"{off:.2g} of the answer off, limit {_WRONG:g}); look for nodes that no element uses, for "
+                "missing supports and for elements that hang loose"
+            )
         except (ReductionError, MemoryError) as error:
             if k == len(tried) - 1:
                 raise ReductionError(f"{location}: {error or 'out of memory'}") from error
             log.warning("%s: %s gives way to %s: %s", location, estimate.solver, tried[k + 1].solver, error)
     raise AssertionError("unreachable")
-
-
-def _single(matrix: csr_matrix | Symmetric, inner: Bools | None, limit: float) -> Solver:
-    if inner is None or not is_condensable(matrix, inner):
-        return PardisoSingle(matrix, limit)
-    return CondensedSingle(matrix, inner, limit)
-
-
-def _prove(solver: Solver, matrix: csr_matrix | Symmetric) -> None:
-    """Solve for forces whose answer is known.
-
-    Raises
-    ------
-    ReductionError
-        where the answer is not theirs: the matrix is singular, or nearly so.
-    """
-    known = np.random.default_rng(0).standard_normal(solver.size)
-    off = float(np.linalg.norm(solver.solve(matrix @ known) - known) / np.linalg.norm(known))
-    if not off < _WRONG:
-        raise ReductionError(
-            f"a stiffness matrix of {solver.size} unknowns is singular or nearly so (a trial solve is "
-            f"{off:.2g} of the answer off, limit {_WRONG:g}); look for nodes that no element uses, for "
-            "missing supports and for elements that hang loose"
-        )
-
-
-def _round(number: float) -> int:
-    """Two digits."""
-    scale = 10 ** max(int(np.log10(max(number, 1.0))) - 1, 0)
-    return int(number / scale) * scale

@@ -99,7 +99,7 @@ def test_the_factors_of_a_solid_are_about_as_sparse_as_those_of_minimum_degree()
     rows = np.flatnonzero(np.repeat(block.points[:, 2] > 0.0, 3))
     K = assemble(block)[0][rows][:, rows]
     fronts = Multifrontal(K, rows // 3)._all.fronts
-    numbers = sum(f.own.size / 2 + f.below.size for f in fronts)
+    numbers = sum(f.diagonal.size / 2 + f.below.size for f in fronts)
     assert numbers < 1.3 * Factor(K)._lu.nnz / 2  # of L and U
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, spmatrix
 
@@ -60,9 +59,20 @@ def lowest_modes(
     if count == 0:
         return np.zeros(0), np.zeros((n, 0))
     if n <= _DENSE_SIZE or count > _DENSE_SHARE * len(moving):
-        complete = len(moving) == n
-        omega2, modes = dense_modes(K, M) if complete else _finite_modes(M, moving, solver, shift)
-        return omega2[:count], modes[:, :count]
+        if len(moving) == n:
+            omega2, modes = dense_modes(K, M)
+            return omega2[:count], modes[:, :count]
+        # from the flexibility D of the unknowns with mass, where (K - shift M) u = (omega^2 - shift) M u
+        # leaves D M u = u / (omega^2 - shift)
+        _refuse_too_many(len(moving))
+        M_moving = csr_matrix(M)[moving][:, moving].toarray()
+        unit = np.zeros((n, len(moving)))
+        unit[moving, np.arange(len(moving))] = 1.0
+        D = solver.solve(unit)[moving]
+        mu, V = eigh(0.5 * (D + D.T), M_moving, kind=2)
+        finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
+        modes = solver.solve(unit @ (M_moving @ V[:, finite])) / mu[finite]
+        return (1.0 / mu[finite] + shift)[:count], modes[:, :count]
     if n > SMALL or isinstance(solver, Multigrid):
         return _large_modes(K, M, Wanted(count), solver, shift)
     return narrow_modes(Flexibility(csr_matrix(M), solver.solve, shift, K), count)
@@ -75,7 +85,7 @@ def modes_below(
 
     Those below a frequency are counted first, as the negative pivots of K - omega^2 M (Sylvester's inertia).
     Above 5,000 unknowns, where that factorisation would cost as much as all the rest, the iteration goes on
-    until it is past the frequency, and random vectors beside what it found look for a mode that it missed.
+    until it is past the frequency, and random vectors look for a mode that it missed.
     """
     if count is not None or K.shape[0] == 0:
         return lowest_modes(K, M, count or 0, solver, shift)
@@ -164,7 +174,7 @@ def _outer_modes(
     beyond: float,
     further: int,
 ) -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
-    """`span_of_modes` where all mass is on the solver's outer rows: found there, then carried inside."""
+    """`span_of_modes` where all mass is on the solver's outer rows: modes of those, then carried inside."""
     M_outer = csr_matrix(M[solver.outer][:, solver.outer])
     if isinstance(solver, CondensedSingle):
         (count, _), make = krylov_modes(Flexibility(M_outer, solver.near.solve, shift), wanted)
@@ -181,23 +191,6 @@ def _outer_modes(
         return solver.solve(forces)
 
     return counts, over_all
-
-
-def _finite_modes(
-    M: spmatrix, moving: NDArray[np.int64], solver: Solver, shift: float
-) -> tuple[Floats, Floats]:
-    """All modes of finite frequency where only some unknowns have mass, from the flexibility D of those.
-
-    (K - shift M) u = (omega^2 - shift) M u leaves D M u = u / (omega^2 - shift) on them.
-    """
-    _refuse_too_many(len(moving))
-    M_moving = csr_matrix(M)[moving][:, moving].toarray()
-    unit = np.zeros((M.shape[0], len(moving)))
-    unit[moving, np.arange(len(moving))] = 1.0
-    D = solver.solve(unit)[moving]
-    mu, V = eigh(0.5 * (D + D.T), M_moving, kind=2)
-    finite = np.flatnonzero(mu > _MASSLESS * mu[-1])[::-1]
-    return 1.0 / mu[finite] + shift, solver.solve(unit @ (M_moving @ V[:, finite])) / mu[finite]
 
 
 def _refuse_too_many(size: int) -> None:

@@ -41,7 +41,7 @@ class Flexibility:
     Attributes
     ----------
     size, every : m, how many unknowns have mass, and whether all have
-    own : (m, m) their mass
+    mass : (m, m) of these
     rigid : (n, r) motions that K does not feel, M-orthonormal
     apart : the same over the unknowns with mass, where there are any
     """
@@ -52,7 +52,7 @@ class Flexibility:
         self.M, self.shift, self._inverse = M, shift, inverse
         self._rows = np.flatnonzero(M.diagonal() > 0.0)
         self.size, self.every = len(self._rows), len(self._rows) == M.shape[0]
-        self.own = M if self.every else csr_matrix(M[self._rows][:, self._rows])
+        self.mass = M if self.every else csr_matrix(M[self._rows][:, self._rows])
         self.rigid = np.zeros((M.shape[0], 0))
         if K is not None and shift < 0.0 and self.size:
             self.rigid = self._rigid_motions(K)
@@ -83,19 +83,19 @@ class Flexibility:
         """Motions that K does not feel: of the highest 1 / (omega^2 - s), by iteration on some vectors."""
         X = self.start(_VECTORS, 1)
         for _ in range(_MOST):
-            X = X @ orthonormalising(X.T @ (self.own @ X), _DEPENDENT)
-            Y = self @ (self.own @ X)
-            H = X.T @ (self.own @ Y)
+            X = X @ orthonormalising(X.T @ (self.mass @ X), _DEPENDENT)
+            Y = self @ (self.mass @ X)
+            H = X.T @ (self.mass @ Y)
             mu, S = eigh(0.5 * (H + H.T))
             rest = Y @ S - X @ (S * mu)
             rigid = 1.0 / mu + self.shift < -_RIGID * self.shift
-            left = np.sqrt((rest * (self.own @ rest)).sum(axis=0)) / mu
+            left = np.sqrt((rest * (self.mass @ rest)).sum(axis=0)) / mu
             if (left[rigid] <= _FOUND).all() and (mu[~rigid] * (1.0 + left[~rigid]) < mu[-1]).all():
                 break
             X = Y
         else:
             return np.zeros((self.M.shape[0], 0))
-        R = self._lifted(self.own @ (X @ S[:, rigid]))
+        R = self._lifted(self.mass @ (X @ S[:, rigid]))
         R = R @ orthonormalising(R.T @ (self.M @ R), _DEPENDENT)
         strains = self._inverse(K @ R)
         slight = (strains * (self.M @ strains)).sum(axis=0) <= _FOUND**2

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.linalg import eigh
@@ -33,7 +32,7 @@ from romdam.linalg.modes.lobpcg import Wanted
 
 RESIDUAL = 1e-7  # of a mode found: |D M x - mu x| relative to mu, in the norm of M
 _NEAR = 1e-2  # the same of the modes next to them
-_BESIDE = 2  # so many of those
+_NEIGHBOURS = 2  # so many of those
 _BELOW = 1e-6  # relative, by which the omega^2 of a mode that was missed lies below the highest
 _FIRST_LOOK = 3  # vectors for each mode, in which modes are looked for at first
 _GROWTH = 1.125  # of the space between two looks at its content, at most
@@ -128,12 +127,21 @@ def krylov_modes(
         X, mu = ritz.first(more), ritz.mu[:more]
         lowest = limit if wanted.count is None else highest * (1.0 + _BELOW)
         if not _missed(D, X[:, :count], lowest):
-            return (rigid + count, rigid + more), partial(_columns, D, (D.own @ X) / mu)
+            break
         width *= 2
-    raise ReductionError(
-        f"Lanczos on {D.M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "
-        "`model.solver`, or fewer modes"
-    )
+    else:
+        raise ReductionError(
+            f"Lanczos on {D.M.shape[0]} unknowns misses modes from {_WIDEST} random vectors; use another "
+            "`model.solver`, or fewer modes"
+        )
+    forces = (D.mass @ X) / mu
+
+    def vectors(first: int, last: int) -> Floats:
+        """Some of the rigid motions and, after them, of the answers to forces."""
+        strained = slice(max(first - rigid, 0), max(last - rigid, 0))
+        return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, strained])])
+
+    return (rigid + count, rigid + more), vectors
 
 
 def narrow_modes(D: Flexibility, count: int) -> tuple[Floats, Floats]:
@@ -154,15 +162,8 @@ def narrow_modes(D: Flexibility, count: int) -> tuple[Floats, Floats]:
         return np.zeros(count), rigid
     _, ritz = _searched(D, Wanted(elastic), 0.0, _NARROW, _NARROW_RESIDUAL)
     mu, X = ritz.mu[:elastic], ritz.first(elastic)
-    X = X if D.every else D.displacement((D.own @ X) / mu)
+    X = X if D.every else D.displacement((D.mass @ X) / mu)
     return np.append(np.zeros(count - elastic), 1.0 / mu + D.shift), np.hstack([rigid, X])
-
-
-def _columns(D: Flexibility, forces: Floats, first: int, last: int) -> Floats:
-    """Some of the rigid motions and, after them, of the answers to forces."""
-    rigid = D.rigid.shape[1]
-    elastic = slice(max(first - rigid, 0), max(last - rigid, 0))
-    return np.hstack([D.rigid[:, first:last], D.displacement(forces[:, elastic])])
 
 
 def _searched(D: Flexibility, wanted: Wanted, limit: float, width: int, residual: float) -> tuple[int, _Ritz]:
@@ -182,19 +183,16 @@ def _searched(D: Flexibility, wanted: Wanted, limit: float, width: int, residual
         krylov.grow(due)
         ritz = krylov.content()
         count = int((ritz.mu >= limit).sum()) if wanted.count is None else min(wanted.count, len(ritz.mu))
-        if krylov.ended or _converged(ritz, count, residual):
+        # the first are modes, and the next ones so near that none can join them
+        near = ritz.error[count : count + _NEIGHBOURS]
+        settled = len(near) == _NEIGHBOURS and (near <= _NEAR).all()
+        if krylov.ended or (settled and (ritz.error[:count] <= residual).all()):
             return count, ritz
         before, size = (size, error), len(ritz.mu)
         error = float(np.log(max(ritz.error[: count + 1].max(), residual)))
         fall, left = (before[1] - error) / (size - before[0]), error - np.log(residual)
         most = (_GROWTH - 1.0) * size
         due = size + (left / fall if left < fall * most else most)
-
-
-def _converged(ritz: _Ritz, count: int, residual: float) -> bool:
-    """True where the first `count` are modes, and the next ones so near that none can join them."""
-    near = ritz.error[count : count + _BESIDE]
-    return len(near) == _BESIDE and bool((ritz.error[:count] <= residual).all() and (near <= _NEAR).all())
 
 
 class _Krylov:
@@ -214,7 +212,7 @@ class _Krylov:
         self._edges, self._size, self._largest = list[Floats](), 0, 0.0
         self._most = D.size - sum(vectors.shape[1] for vectors in self._fixed)
         self._blocks, self._images = list[Floats](), list[Floats]()
-        self._next = _apart(D.own, self._fixed, start)
+        self._next = _apart(D.mass, self._fixed, start)
 
     def grow(self, size: float) -> None:
         """Grow by a block, and on until there are so many vectors, or all."""
@@ -224,15 +222,26 @@ class _Krylov:
 
     def content(self) -> _Ritz:
         """The Ritz values and vectors; a dense eigenproblem, which costs as much as some blocks."""
-        mu, S = eigh(_projected(self._edges), driver="evd")
+        # V^T M D M V is block tridiagonal; each block has brought its last columns
+        T, last_row = np.zeros((self._size, self._size)), 0
+        for edge in self._edges:
+            last_row += edge.shape[1]
+            rows, columns = slice(last_row - len(edge), last_row), slice(last_row - edge.shape[1], last_row)
+            T[rows, columns] = edge
+            T[columns, rows] = edge.T
+        mu, S = eigh(0.5 * (T + T.T), driver="evd")
         gram = self._next[1]
         last = S[-len(gram) :]
         error = np.sqrt(np.maximum((last * (gram @ last)).sum(axis=0), 0.0)) / np.abs(mu)
         return _Ritz(mu[::-1], S[:, ::-1], error[::-1], self._space)
 
     def _step(self) -> None:
-        M = self._D.own
-        V, image = _orthonormal(M, *self._next)
+        M = self._D.mass
+        W, gram = self._next
+        V = W @ orthonormalising(gram, _DEPENDENT)
+        image = np.asarray(M @ V)
+        mix = orthonormalising(V.T @ image, _DEPENDENT)  # once more for what round-off has left
+        V, image = V @ mix, image @ mix
         self._space.append(V)
         self._blocks, self._images = [*self._blocks[-1:], V], [*self._images[-1:], image]
         W = self._D @ image
@@ -244,18 +253,6 @@ class _Krylov:
         W, gram = self._next = _apart(M, [*self._fixed, *self._space.pieces], W)
         self._largest = max(self._largest, parts[-1].diagonal().max())
         self.ended = self._size >= self._most or bool(gram.diagonal().max() <= (_NONE * self._largest) ** 2)
-
-
-def _projected(edges: list[Floats]) -> Floats:
-    """V^T M D M V, block tridiagonal, from the last columns that each block has brought it."""
-    size = sum(edge.shape[1] for edge in edges)
-    T, last = np.zeros((size, size)), 0
-    for edge in edges:
-        last += edge.shape[1]
-        rows, columns = slice(last - len(edge), last), slice(last - edge.shape[1], last)
-        T[rows, columns] = edge
-        T[columns, rows] = edge.T
-    return 0.5 * (T + T.T)
 
 
 def _apart(M: csr_matrix, pieces: list[Floats], W: Floats) -> tuple[Floats, Floats]:
@@ -274,14 +271,6 @@ def _apart(M: csr_matrix, pieces: list[Floats], W: Floats) -> tuple[Floats, Floa
         if (gram.diagonal() >= _SMALLER * before).all():
             return W, gram
     return W, W.T @ (M @ W)
-
-
-def _orthonormal(M: csr_matrix, W: Floats, gram: Floats) -> tuple[Floats, Floats]:
-    """M-orthonormal vectors V that span W's, and M V, from W^T M W; once more for what round-off has left."""
-    V = W @ orthonormalising(gram, _DEPENDENT)
-    image = np.asarray(M @ V)
-    mix = orthonormalising(V.T @ image, _DEPENDENT)
-    return V @ mix, image @ mix
 
 
 def _missed(D: Flexibility, X: Floats, lowest: float) -> bool:
@@ -303,12 +292,10 @@ def ritz_vectors(K: spmatrix, M: spmatrix, X: Floats) -> tuple[Floats, Floats]:
     """Values and M-orthonormal vectors of K x = omega^2 M x in the span of X, in X's place."""
     if not X.shape[1]:
         return np.zeros(0), X
-    energy, mass = (np.hstack([X.T @ (A @ X[:, s]) for s in _slices(X.shape[1], WIDTH)]) for A in (K, M))
+    columns = [slice(k, k + WIDTH) for k in range(0, X.shape[1], WIDTH)]
+    energy, mass = (np.hstack([X.T @ (A @ X[:, s]) for s in columns]) for A in (K, M))
     omega2, C = eigh(0.5 * (energy + energy.T), 0.5 * (mass + mass.T))
-    for rows in _slices(len(X), _ROWS):
+    for first in range(0, len(X), _ROWS):
+        rows = slice(first, first + _ROWS)
         X[rows] = X[rows] @ C
     return omega2, X
-
-
-def _slices(count: int, size: int) -> list[slice]:
-    return [slice(k, min(k + size, count)) for k in range(0, count, size)]

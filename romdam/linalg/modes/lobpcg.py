@@ -110,13 +110,15 @@ def missed(
     if spare <= 0 or not len(omega2):
         return None
     limit = wanted.limit if wanted.count is None else float(omega2[-1]) * (1.0 - _BELOW)
-    low, Y = _ritz(pencil, _beside(pencil.M, X, random.standard_normal((len(X), min(_GUARDS, spare)))))
+    low, Y = _ritz(
+        pencil, _orthogonalised(pencil.M, X, random.standard_normal((len(X), min(_GUARDS, spare))))
+    )
     P = np.zeros((len(X), 0))
     for _ in range(pencil.probe):
         if low[0] <= limit:
             return float(low[0])
         R = pencil.K @ Y - (pencil.M @ Y) * low
-        D = _beside(pencil.M, np.hstack([X, Y]), np.hstack([pencil.inverse(R), P]))
+        D = _orthogonalised(pencil.M, np.hstack([X, Y]), np.hstack([pencil.inverse(R), P]))
         low, Y, P = _combine(pencil, low, Y, D)
     return None
 
@@ -135,28 +137,25 @@ def _iterate(
         count = wanted.among(omega2)
         if count + _GUARDS // 2 > X.shape[1] and X.shape[1] < X.shape[0]:
             fresh = random.standard_normal((len(X), min(max(count // 2, _GUARDS), len(X) - X.shape[1])))
-            omega2, X = _ritz(pencil, np.hstack([X, _beside(pencil.M, X, fresh)]))
+            omega2, X = _ritz(pencil, np.hstack([X, _orthogonalised(pencil.M, X, fresh)]))
             P = np.zeros_like(X)
             continue
-        if not open_[:count].any() and (wanted.count is not None or _converged(R, inertia, count)):
+        # below a limit the first guards have to be near modes too, so that none of them can still join
+        near = slice(count, count + 2)
+        guarded = wanted.count is not None or np.linalg.norm(R[:, near], axis=0) <= _NEAR * inertia[near]
+        if not open_[:count].any() and np.all(guarded):
             return omega2, X
         R = R[:, open_]  # here and below: no block of vectors is kept longer than it is needed
         R = pencil.inverse(R)
         D = np.hstack([R, P[:, open_]])
         del R
-        D = _beside(pencil.M, X, D, MX)
+        D = _orthogonalised(pencil.M, X, D, MX)
         del MX
         omega2, X, P = _combine(pencil, omega2, X, D)
     raise ReductionError(
         f"LOBPCG: {_MOST} iterations on {pencil.K.shape[0]} unknowns leave {int(open_[:count].sum())} of "
         f"{count} modes above a relative residual of {RESIDUAL:g}; use another `model.solver`, or fewer modes"
     )
-
-
-def _converged(R: Floats, inertia: Floats, count: int) -> bool:
-    """True where the first guards are near modes too, so that none of them can still come below the limit."""
-    near = slice(count, count + 2)
-    return bool((np.linalg.norm(R[:, near], axis=0) <= _NEAR * inertia[near]).all())
 
 
 def _combine(pencil: Pencil, omega2: Floats, X: Floats, D: Floats) -> tuple[Floats, Floats, Floats]:
@@ -178,7 +177,7 @@ def _ritz(pencil: Pencil, X: Floats) -> tuple[Floats, Floats]:
     return omega2, X @ V
 
 
-def _beside(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floats:
+def _orthogonalised(M: spmatrix, X: Floats, D: Floats, MX: Floats | None = None) -> Floats:
     """D made M-orthonormal, in place, and orthogonal to the M-orthonormal X; see `independent`."""
     MX = M @ X if MX is None else MX
     for _ in range(2):
