@@ -94,7 +94,13 @@ class AddedMass:
         """
         B = coordinates.observe(self.coupling)
         if isinstance(coordinates, ModalCoordinates):
-            wet = _wet_unknowns(system, np.asarray(B))
+            # the lowest of the unknowns of parts that the water touches
+            touched = np.zeros(system.size, dtype=bool)
+            for part in system.parts.values():
+                touched[part] = np.abs(B[:, part]).max(initial=0.0) > 0.0
+            wet = np.flatnonzero(touched)
+            k = system.K.diagonal()[wet]
+            wet = np.sort(wet[np.argsort(k, kind="stable")[:_MOST]])
             B = np.where(np.isin(np.arange(system.size), wet), B, 0.0)
         shaken = {Motion.BASE: np.asarray(B.T @ self.ground)}
         if system.pseudo_static is not None:
@@ -233,25 +239,25 @@ class _Change:
 
     def parts(self, old: dict[str, slice]) -> dict[str, slice]:
         """The unknowns of the water, then what is left of each part."""
-        found = {"water": slice(0, len(self.wet))}
+        parts = {"water": slice(0, len(self.wet))}
         for name, part in old.items():
             first, last = np.searchsorted(self.dry, (part.start, part.stop)) + len(self.wet)
             if last > first:
-                found[name] = slice(int(first), int(last))
-        return found
+                parts[name] = slice(int(first), int(last))
+        return parts
 
     def of(self, first: int, last: int) -> tuple[slice, Floats | None]:
         """The new unknowns of old ones from `first` to `last`, and what turns them; None where all are dry.
 
         Where some are wet: old[first:last] = turn @ new[slice].
         """
-        own = np.arange(first, last)
-        wet, dry = np.flatnonzero(np.isin(self.wet, own)), np.flatnonzero(np.isin(self.dry, own))
+        old = np.arange(first, last)
+        wet, dry = np.flatnonzero(np.isin(self.wet, old)), np.flatnonzero(np.isin(self.dry, old))
         shift = len(self.wet)
         if not len(wet):
             return slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0), None
         columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
-        turn = np.zeros((len(own), columns.stop))
+        turn = np.zeros((len(old), columns.stop))
         turn[self.wet[wet] - first, :shift] = self.V[wet]
         turn[self.dry[dry] - first, shift + dry] = 1.0
         return columns, turn
@@ -262,7 +268,11 @@ def _diagonalised(
 ) -> tuple[System, ModalCoordinates]:
     """A diagonal system in its modes with the water, whose operator on its wet unknowns is B[:, wet]."""
     k = system.K.diagonal()
-    omega2, V = _wet_modes(k[wet], B[:, wet], water)
+    M = np.eye(len(wet)) + B[:, wet].T @ water.times(B[:, wet])
+    try:
+        omega2, V = eigh(np.diag(k[wet]), 0.5 * (M + M.T))
+    except LinAlgError as error:
+        raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
     omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
     more = system.at_point
@@ -280,38 +290,15 @@ def _diagonalised(
     basis = coordinates.basis
     ends = {name: (part.columns.start, part.columns.stop) for name, part in basis.items()}
     turns = {of: change.of(*of) for of in set(ends.values())}  # blocks of a part share one
-    changed = {name: _changed(part, turns[ends[name]], omega2) for name, part in basis.items()}
+    changed: dict[str, BlockBasis] = {}
+    for name, part in basis.items():
+        columns, turn = turns[ends[name]]
+        changed[name] = replace(part, columns=columns)
+        if turn is not None:
+            changed[name] = replace(
+                changed[name],
+                vectors=Lazy(part.vectors, turn),
+                omega2=omega2[columns],
+                participation=turn.T @ part.participation,
+            )
     return turned, replace(coordinates, basis=changed)
-
-
-def _wet_unknowns(system: System, B: Floats) -> NDArray[np.int64]:
-    """The lowest of the unknowns of parts that the water touches."""
-    touched = np.zeros(system.size, dtype=bool)
-    for part in system.parts.values():
-        touched[part] = np.abs(B[:, part]).max(initial=0.0) > 0.0
-    found = np.flatnonzero(touched)
-    k = system.K.diagonal()[found]
-    return np.sort(found[np.argsort(k, kind="stable")[:_MOST]])
-
-
-def _wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:
-    M = np.eye(len(k)) + B.T @ water.times(B)
-    try:
-        omega2, V = eigh(np.diag(k), 0.5 * (M + M.T))
-    except LinAlgError as error:
-        raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
-    return np.asarray(omega2), np.asarray(V)
-
-
-def _changed(part: BlockBasis, turn: tuple[slice, Floats | None], omega2: Floats) -> BlockBasis:
-    """A block's displacement from the new unknowns, see `_Change.of`."""
-    columns, V = turn
-    if V is None:
-        return replace(part, columns=columns)
-    return replace(
-        part,
-        vectors=Lazy(part.vectors, V),
-        columns=columns,
-        omega2=omega2[columns],
-        participation=V.T @ part.participation,
-    )

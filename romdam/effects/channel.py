@@ -66,9 +66,9 @@ class ChannelDrive:
     velocity: Floats
     whole_record: ClassVar[bool] = False
 
-    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+    def drive(self, histories: Histories, dt: float, rates: Rates) -> Histories:
         """Add the base's velocity, y and y' at every step: exact where its acceleration is linear."""
-        acc = given.rows[Motion.BASE]
+        acc = histories.rows[Motion.BASE]
         N = len(self.k)
         velocity, y, rate, size = slice(0, 3), slice(3, 3 + N), slice(3 + N, 3 + 2 * N), 3 + 2 * N
         A = np.zeros((size + 6, size + 6))  # the states, acceleration, its slope
@@ -80,12 +80,12 @@ class ChannelDrive:
         states = np.zeros((size, acc.shape[1]))
         for i in range(acc.shape[1] - 1):
             states[:, i + 1] = step[:, :size] @ states[:, i] + added[:, i]
-        made = {
+        motions = {
             Motion.BASE_VELOCITY: states[velocity],
             Motion.CHANNEL: states[y],
             Motion.CHANNEL_RATE: states[rate],
         }
-        return replace(given, rows=given.rows | made)
+        return replace(histories, rows=histories.rows | motions)
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ from romdam.linalg.modes.eigen import modes_below
 from romdam.scene.reservoir.reservoir_mesh import PER_WAVE
 
 _FINER = 1.5  # times the cut-off, of a model that estimates compare with
-_OWN = 1e-6  # of a static answer, what is not in the modes: less is their round-off
+_INDEPENDENT = 1e-6  # of a static answer, what is not in the modes: less is their round-off
 
 
 @dataclass(frozen=True)
@@ -176,18 +176,14 @@ def reservoir_waves(scene: Scene) -> Waves | None:
     fluxes = np.zeros((size, 3 + end.load.shape[1]))
     fluxes[inside, :3] = body.rigid
     fluxes[last, 3:] = end.load / water.density
+    of_body, of_end = _chosen(inside, size), _chosen(last, size)
     whole = (body.G / sound.speed**2, admittance * body.floor, body.H)
     M, C, K = (
-        (_placed(part, inside, size) + _placed(own, last, size)) / water.density
-        for part, own in zip(whole, (end.M, end.C, end.K), strict=True)
+        (csr_matrix(of_body @ matrix @ of_body.T) + csr_matrix(of_end @ matrix_end @ of_end.T))
+        / water.density
+        for matrix, matrix_end in zip(whole, (end.M, end.C, end.K), strict=True)
     )
     return Waves(M, C, K, _chosen(body.wet, size), body.coupling, fluxes, end.drive)
-
-
-def _placed(matrix: csr_matrix, rows: Ints, size: int) -> csr_matrix:
-    """A matrix over some of the unknowns as one over all."""
-    onto = _chosen(rows, size)
-    return csr_matrix(onto @ matrix @ onto.T)
 
 
 def _chosen(rows: Ints, size: int) -> csr_matrix:
@@ -214,11 +210,19 @@ class ReducedWaves:
 def reduced_waves(waves: Waves, cutoff: float) -> ReducedWaves:
     """Reduce a reservoir to its modes below a frequency [Hz] and their static corrections."""
     factor = Factor(waves.K)
-    omega2, X = _basis(waves, factor, cutoff)
+    _, X = modes_below(waves.K, waves.M, None, cutoff, factor)
+    static = factor.solve(np.hstack([waves.C @ X, waves.load]))
+    size = np.sqrt((static * (waves.M @ static)).sum(axis=0))
+    for _ in range(2):  # twice is enough for round-off
+        static -= X @ (X.T @ (waves.M @ static))
+    further = np.sqrt((static * (waves.M @ static)).sum(axis=0)) > _INDEPENDENT * size
+    X = np.hstack([X, independent(static[:, further], waves.M)]) if further.any() else X
+    omega2, V = eigh(X.T @ (waves.K @ X), np.eye(X.shape[1]))
+    omega2, X = np.asarray(omega2), X @ V  # diagonal in K, M-orthonormal
     unit = waves.at_dam.toarray()
     at_dam = X.T @ unit
     rest = unit.T @ factor.solve(unit) - at_dam.T @ (at_dam / omega2[:, None])
-    own = replace(
+    reduced = replace(
         waves,
         M=csr_matrix(diags_array(np.ones(len(omega2)))),
         C=csr_matrix(X.T @ (waves.C @ X)),
@@ -226,17 +230,4 @@ def reduced_waves(waves: Waves, cutoff: float) -> ReducedWaves:
         at_dam=csr_matrix(at_dam),
         load=X.T @ waves.load,
     )
-    return ReducedWaves(own, X, 0.5 * (rest + rest.T))
-
-
-def _basis(waves: Waves, factor: Factor, cutoff: float) -> tuple[Floats, Floats]:
-    """Squared frequencies (m,) and M-orthonormal vectors (n, m) that are diagonal in K."""
-    _, modes = modes_below(waves.K, waves.M, None, cutoff, factor)
-    static = factor.solve(np.hstack([waves.C @ modes, waves.load]))
-    size = np.sqrt((static * (waves.M @ static)).sum(axis=0))
-    for _ in range(2):  # twice is enough for round-off
-        static -= modes @ (modes.T @ (waves.M @ static))
-    own = np.sqrt((static * (waves.M @ static)).sum(axis=0)) > _OWN * size
-    X = np.hstack([modes, independent(static[:, own], waves.M)]) if own.any() else modes
-    omega2, V = eigh(X.T @ (waves.K @ X), np.eye(X.shape[1]))
-    return np.asarray(omega2), X @ V
+    return ReducedWaves(reduced, X, 0.5 * (rest + rest.T))

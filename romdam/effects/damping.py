@@ -65,9 +65,9 @@ class SolidDamping:
         further, braked = csr_matrix(system.M.shape), system.M @ mesh.rigid
         for name, matrix in mesh.maps.items():
             block = self.scene.blocks[name]
-            own = further_damping(block, rayleigh)
-            if own is not None:
-                further = further + matrix.T @ own @ matrix
+            of_block = further_damping(block, rayleigh)
+            if of_block is not None:
+                further = further + matrix.T @ of_block @ matrix
             if block.matrices is not None and block.matrices.C is not None:  # in place of Rayleigh's damping
                 braked = braked - matrix.T @ (block.matrices.M @ (matrix @ mesh.rigid))
         C = csr_matrix(alpha * system.M + beta * system.K + csr_matrix(further))
@@ -81,15 +81,15 @@ class SolidDamping:
         further = {
             name: further_damping(block, self.damping.rayleigh) for name, block in self.scene.blocks.items()
         }
-        if all(own is None for own in further.values()):
+        if all(of_block is None for of_block in further.values()):
             return replace(system, C=csr_matrix(diags_array(C.diagonal())))
         mass = system.M.toarray()  # that Rayleigh's alpha acts on
         rigid = (system.K.diagonal() == 0.0) & (system.M.diagonal() > 0.0)
         free = rigid.copy()
-        for name, own in further.items():
+        for name, of_block in further.items():
             part, block = modes.basis[name], self.scene.blocks[name]
-            if own is not None:
-                C[part.columns, part.columns] += part.vectors.project(part.vectors.under(own))
+            if of_block is not None:
+                C[part.columns, part.columns] += part.vectors.project(part.vectors.under(of_block))
             if block.matrices is not None and block.matrices.C is not None:
                 mass[part.columns, part.columns] -= part.vectors.project(part.vectors.under(block.matrices.M))
             if block.absorbing:  # its boundary holds it, and so not its joints alone

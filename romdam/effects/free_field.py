@@ -34,10 +34,10 @@ from scipy.sparse import csr_matrix, eye_array, hstack, kron
 
 from romdam.config.effects import FREE_FIELD_WITH_RATIOS
 from romdam.config.sections.job import DampingConfig
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion
-from romdam.core.scene import Absorbing, Block, FreeField, Scene
+from romdam.core.scene import Block, FreeField, Scene
 from romdam.core.system import Complex, Histories, PseudoStatic, Rates, System
 from romdam.effects.effect import Coordinates
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
@@ -73,13 +73,13 @@ class Deconvolution:
     damping: tuple[float, float]
     whole_record: ClassVar[bool] = True
 
-    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+    def drive(self, histories: Histories, dt: float, rates: Rates) -> Histories:
         """Add the motion of the column, its rate and the traction on its lower end, see `boundary_load`.
 
         They begin before the record does, and with them all motions; what the mesh cannot carry is left out
         of the base's acceleration, which has nothing beyond the record's Nyquist frequency.
         """
-        acc = given.rows[Motion.BASE]
+        acc = histories.rows[Motion.BASE]
         from scipy.fft import irfft, next_fast_len, rfft, rfftfreq  # here: few scenes have a free field
 
         height = -np.diff(self.field.levels)
@@ -101,10 +101,10 @@ class Deconvolution:
             for kind in zip(*(column.spectra for column in columns), strict=True)
         ]
         kinds = Motion.BASE, Motion.FREE_FIELD, Motion.FREE_FIELD_RATE, Motion.FREE_FIELD_TRACTION
-        made = {kind: irfft(rows, size)[:, :total] for kind, rows in zip(kinds, by_kind, strict=True)}
-        rest = {kind: np.pad(rows, ((0, 0), (lead, 0))) for kind, rows in given.rows.items()}
-        warnings = tuple(_warnings(acc, made[Motion.BASE][:, lead:], columns))
-        return Histories(rest | made, given.lead + lead, (*given.warnings, *warnings))
+        motions = {kind: irfft(rows, size)[:, :total] for kind, rows in zip(kinds, by_kind, strict=True)}
+        rest = {kind: np.pad(rows, ((0, 0), (lead, 0))) for kind, rows in histories.rows.items()}
+        warnings = tuple(_warnings(acc, motions[Motion.BASE][:, lead:], columns))
+        return Histories(rest | motions, histories.lead + lead, (*histories.warnings, *warnings))
 
     def _component(
         self, k: int, acc: Complex, symbols: tuple[Complex, Complex], freq: Floats, crossing: float
@@ -128,8 +128,8 @@ class Deconvolution:
         rate = symbols[1] * motion
         exact = layer_motion(self.field, k, 2.0 * np.pi * freq[1:count], self.damping)
         off, size = (
-            np.sqrt(np.cumsum(np.abs(one * acc[1:count, None]) ** 2, axis=0))
-            for one in (moved[1:] - exact, exact)
+            np.sqrt(np.cumsum(np.abs(ratio * acc[1:count, None]) ** 2, axis=0))
+            for ratio in (moved[1:] - exact, exact)
         )
         wrong = (off / np.maximum(size, np.finfo(float).tiny)).max(axis=1)
         return _Component(
@@ -261,61 +261,39 @@ def boundary_load(block: Block, field: FreeField) -> csr_matrix:
     For unit motion and unit rate of every node of the column below the surface along x, y, z, and for unit
     traction on its lower end.
     """
-    moving = field_shapes(block, field)
-    side = csr_matrix((moving.shape[0], moving.shape[1]))
-    bottom = csr_matrix((moving.shape[0], 3))
+    moving, points, size = field_shapes(block, field), block.points, len(block.points)
+    lam, mu = lame(block.material)
+    up, identity = np.eye(3)[2], eye_array(3)
+    side, bottom = csr_matrix(moving.shape), csr_matrix((moving.shape[0], 3))
     for face in block.absorbing:
-        side = side + _side_tractions(block, face, field)
-        bottom = bottom + _bottom_area(block, face)
+        element = facet_element(face.facets)
+        xi, weight = element.rule
+        shape, vectors = element.shape(xi), area_elements(points, face.facets, xi)
+        outward = vectors.sum(axis=1)
+        upright = np.abs(outward[:, 2]) <= _UPRIGHT * np.linalg.norm(outward, axis=1)
+        # on vertical facets int N_a sigma n dA of the strain of the column
+        facets, normal = face.facets[upright], vectors[upright]
+        z, tractions = points[facets][..., 2] @ shape.T, csr_matrix(moving.shape)
+        for q in range(len(weight) if len(facets) else 0):
+            n = weight[q] * normal[:, q]
+            across = lam * n[:, :, None] * up + mu * up[:, None] * n[:, None, :]
+            across += mu * n[:, 2, None, None] * np.eye(3)
+            forces = shape[q][None, :, None, None] * across[:, None]
+            tractions = tractions + _over_nodes(facets, forces, size) @ kron(slopes(field, z[:, q]), identity)
+        side = side + tractions
+        # on the others int N_a dA for each component
+        facets, normal = face.facets[~upright], vectors[~upright]
+        if len(facets):
+            area = (weight * np.linalg.norm(normal, axis=2)) @ shape
+            whole = _over_nodes(facets, area[:, :, None, None] * np.eye(3), size)
+            bottom = bottom + csr_matrix(whole @ kron(np.ones((len(facets), 1)), identity))
     follow = side + boundary_springs(block) @ moving
     return csr_matrix(hstack([follow, boundary_dashpots(block) @ moving, bottom]))
 
 
-def _side_tractions(block: Block, face: Absorbing, field: FreeField) -> csr_matrix:
-    """int N_a sigma n dA of the strain of the column, on vertical facets, (3 n, 3 nodes)."""
-    lam, mu = lame(block.material)
-    up, size = np.eye(3)[2], len(block.points)
-    total = csr_matrix((3 * size, 3 * (field.order * len(field.materials))))
-    facets = face.facets[_is_side(block, face)]
-    if not len(facets):
-        return total
-    element = facet_element(facets)
-    xi, weight = element.rule
-    shape, normal = element.shape(xi), area_elements(block.points, facets, xi)
-    z = block.points[facets][..., 2] @ shape.T
-    for q in range(len(weight)):
-        n = weight[q] * normal[:, q]
-        across = lam * n[:, :, None] * up + mu * up[:, None] * n[:, None, :]
-        across += mu * n[:, 2, None, None] * np.eye(3)
-        forces = shape[q][None, :, None, None] * across[:, None]
-        total = total + _placed(facets, forces, size) @ kron(slopes(field, z[:, q]), eye_array(3))
-    return csr_matrix(total)
-
-
-def _bottom_area(block: Block, face: Absorbing) -> csr_matrix:
-    """int N_a dA of facets that are no sides, for each component, (3 n, 3) [m2]."""
-    facets = face.facets[~_is_side(block, face)]
-    if not len(facets):
-        return csr_matrix((3 * len(block.points), 3))
-    element = facet_element(facets)
-    xi, weight = element.rule
-    dA = weight * np.linalg.norm(area_elements(block.points, facets, xi), axis=2)
-    area = dA @ element.shape(xi)
-    forces = area[:, :, None, None] * np.eye(3)
-    whole = _placed(facets, forces, len(block.points))
-    return csr_matrix(whole @ kron(np.ones((len(facets), 1)), eye_array(3)))
-
-
-def _is_side(block: Block, face: Absorbing) -> Bools:
-    """(nf,) True for vertical facets."""
-    element = facet_element(face.facets)
-    normal = area_elements(block.points, face.facets, element.rule[0]).sum(axis=1)
-    return np.asarray(np.abs(normal[:, 2]) <= _UPRIGHT * np.linalg.norm(normal, axis=1))
-
-
-def _placed(facets: Ints, forces: Floats, nodes: int) -> csr_matrix:
+def _over_nodes(facets: Ints, forces: Floats, nodes: int) -> csr_matrix:
     """Forces (nf, nodes per facet, 3, 3) of what happens on each facet, (3 n, 3 nf)."""
     rows = (3 * facets[:, :, None] + np.arange(3))[..., None]
     columns = (3 * np.arange(len(facets))[:, None] + np.arange(3))[:, None, None, :]
-    where = [np.broadcast_to(one, forces.shape).ravel() for one in (rows, columns)]
+    where = [np.broadcast_to(index, forces.shape).ravel() for index in (rows, columns)]
     return csr_matrix((forces.ravel(), tuple(where)), shape=(3 * nodes, 3 * len(facets)))

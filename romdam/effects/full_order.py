@@ -14,7 +14,7 @@ from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.damping import sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
-from romdam.fem.parts import Unknowns, part_inertia, part_matrices, part_operator, unknowns
+from romdam.fem.parts import part_inertia, part_matrices, part_operator, unknowns
 from romdam.scene.ties import scene_parts
 
 
@@ -54,7 +54,8 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         rigid.append(sliding_motions(part, scene, K[-1], M[-1], free))
     held = [part.stands_free(scene) for part in parts.values()]
     mass, jumps = csr_matrix(block_diag(M)), csr_matrix(hstack(B))
-    shaken = np.vstack(load)
+    shaken, size = np.vstack(load), mass.shape[0]
+    probes = [numbered.of_block[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
     system = System(
         M=mass,
         C=csr_matrix(mass.shape),
@@ -62,7 +63,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         B=jumps,
         load=shaken,
         force=np.zeros(len(shaken)),
-        observe=_observe(scene, numbered),
+        observe=csr_matrix(vstack([csr_matrix((0, size)), *probes])),
         law=law,
         parts=numbered.parts,
         diagonal=False,
@@ -73,10 +74,3 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     for effect in effects:
         system, coordinates = effect.add(system, coordinates)
     return system
-
-
-def _observe(scene: Scene, numbered: Unknowns) -> csr_matrix:
-    """Displacement of the probes from the unknowns, (3 * probes, unknowns)."""
-    size = max((part.stop for part in numbered.parts.values()), default=0)
-    rows = [numbered.of_block[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
-    return csr_matrix(vstack([csr_matrix((0, size)), *rows]))

@@ -110,10 +110,21 @@ def applied(operators: Mapping[str, csr_matrix], shapes: Mapping[str, Floats]) -
 
 def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> dict[str, Floats]:
     """u_s of a part's blocks."""
-    held, size = _prescribed(part, scene), 3 * part.nodes
+    assert scene.moving is not None
+    size = 3 * part.nodes
+    held = np.zeros((3 * part.every_node, 3 * len(scene.moving.motions)))  # slaves behind the others
+    for name in part.blocks:
+        node, axis = np.nonzero(scene.moving.components[name] >= 0)
+        motion = scene.moving.components[name][node, axis]
+        held[3 * part.number[name][node] + axis, 3 * motion + axis] = 1.0
     moved, free = held[:size].copy(), ~part.fixed(scene.fixed).ravel()
     if held.any() and free.any():
-        _refuse_loose(part, scene)
+        if not part.stands_free(scene):
+            raise ConfigError(
+                f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that "
+                "leave it a rigid motion, limit 0: where they carry it is undetermined; hold more of its "
+                "components"
+            )
         blocks = _of_blocks(part, moved, held[size:])
         force = gather(part, {name: -(assembly.matrices(name)[0] @ u) for name, u in blocks.items()})
         K = csr_matrix(part_matrices(part, assembly)[0][free][:, free])
@@ -123,29 +134,8 @@ def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> d
     return _of_blocks(part, moved, held[size:])
 
 
-def _prescribed(part: Part, scene: Scene) -> Floats:
-    """Unit displacements of the supports over the part's DOFs, slaves behind the others."""
-    assert scene.moving is not None
-    held = np.zeros((3 * part.every_node, 3 * len(scene.moving.motions)))
-    for name in part.blocks:
-        node, axis = np.nonzero(scene.moving.components[name] >= 0)
-        motion = scene.moving.components[name][node, axis]
-        held[3 * part.number[name][node] + axis, 3 * motion + axis] = 1.0
-    return held
-
-
 def _of_blocks(part: Part, moved: Floats, slaves: Floats) -> dict[str, Floats]:
     """Displacement of the part's blocks from that of its independent DOFs, and of slaves that are held."""
     every = moved if part.slaves is None else np.vstack([moved, part.slaves @ moved + slaves])
     axes = np.arange(3)
     return {name: every[(3 * part.number[name][:, None] + axes).ravel()] for name in part.blocks}
-
-
-def _refuse_loose(part: Part, scene: Scene) -> None:
-    """Raise where a part that moving supports hold can move rigidly: it has no static answer to them."""
-    if not part.stands_free(scene):
-        assert scene.moving is not None
-        raise ConfigError(
-            f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that leave "
-            "it a rigid motion, limit 0: where they carry it is undetermined; hold more of its components"
-        )

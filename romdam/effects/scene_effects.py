@@ -36,7 +36,7 @@ def scene_effects(
     ReductionError
         where the reservoir's equations cannot be factored.
     """
-    found: list[Effect | None] = [
+    effects: list[Effect | None] = [
         static_loads(scene),
         moving_supports(scene, directions, assembly, solving),
         added_mass(scene),
@@ -44,4 +44,4 @@ def scene_effects(
         incoming_waves(scene, damping),
         compressible_water(scene),
     ]
-    return tuple(effect for effect in found if effect is not None)
+    return tuple(effect for effect in effects if effect is not None)

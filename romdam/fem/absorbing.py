@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.scene import Absorbing, Block, Ints
+from romdam.core.scene import Absorbing, Block
 from romdam.fem.material import lame
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements
@@ -52,25 +52,20 @@ def boundary_dashpots(block: Block) -> csr_matrix:
 
 def _face_matrix(block: Block, face: Absorbing, along: float, across: float) -> csr_matrix:
     """int N_a N_b (along n n^T + across (I - n n^T)) dA over a face."""
-    first, *others = (
-        _facet_matrices(block, facets, along, across) for _, facets, _ in facets_by_kind(face.facets)
-    )
-    return csr_matrix(sum(others, first))
-
-
-def _facet_matrices(block: Block, facets: Ints, along: float, across: float) -> csr_matrix:
-    """The same over facets of one kind."""
-    element = facet_element(facets)
-    xi, weight = element.rule_of(3 if element.box else 4)
-    shape = element.shape(xi)
-    vectors = area_elements(block.points, facets, xi)
-    area = np.linalg.norm(vectors, axis=2)
-    normal = vectors / area[..., None]
-    projector = normal[..., :, None] * normal[..., None, :]
-    traction = across * np.eye(3) + (along - across) * projector
-    blocks = np.einsum("fq,qa,qb,fqij->faibj", weight * area, shape, shape, traction, optimize=True)
-    dof = 3 * facets[:, :, None] + np.arange(3)
-    rows = np.broadcast_to(dof[:, :, :, None, None], blocks.shape)
-    columns = np.broadcast_to(dof[:, None, None], blocks.shape)
     size = 3 * len(block.points)
-    return csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    total = csr_matrix((size, size))
+    for _, facets, _ in facets_by_kind(face.facets):
+        element = facet_element(facets)
+        xi, weight = element.rule_of(3 if element.box else 4)
+        shape = element.shape(xi)
+        vectors = area_elements(block.points, facets, xi)
+        area = np.linalg.norm(vectors, axis=2)
+        normal = vectors / area[..., None]
+        projector = normal[..., :, None] * normal[..., None, :]
+        traction = across * np.eye(3) + (along - across) * projector
+        blocks = np.einsum("fq,qa,qb,fqij->faibj", weight * area, shape, shape, traction, optimize=True)
+        dof = 3 * facets[:, :, None] + np.arange(3)
+        rows = np.broadcast_to(dof[:, :, :, None, None], blocks.shape)
+        columns = np.broadcast_to(dof[:, None, None], blocks.shape)
+        total = total + csr_matrix((blocks.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+    return csr_matrix(total)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
-from romdam.core.scene import Block, Ints, Material
+from romdam.core.scene import Block, Ints
 from romdam.fem.absorbing import boundary_springs
 from romdam.fem.material import lame
 from romdam.geometry.elements import Element, Floats, jacobians
@@ -50,7 +50,7 @@ class Assembly:
 def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     """Stiffness and mass of a block over dof = 3 * node + component, supports not applied.
 
-    They are the block's own where it brings them, else of its elements, the mass consistent. The springs of
+    They are those that the block brings, else of its elements, the mass consistent. The springs of
     absorbing faces are part of the stiffness.
 
     Element matrices come from the scalar gradients: with G_ab,kl = int dN_a/dx_k dN_b/dx_l,
@@ -68,8 +68,26 @@ def assemble(block: Block) -> tuple[csr_matrix, csr_matrix]:
     MeshError
         when an element has a zero or negative Jacobian determinant.
     """
-    own = block.matrices
-    stiffness, mass = _of_elements(block) if own is None else (own.K, own.M)
+    if block.matrices is not None:
+        stiffness, mass = block.matrices.K, block.matrices.M
+    else:
+        lam, mu = lame(block.material)
+        pattern = _NodePairs(block.cells, len(block.points))
+        K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
+        for element, numbers, cells in chunks_of(block, _CHUNK):
+            gradient, shape, volume = cell_geometry(block, element, cells, numbers)
+            nc, nq, _, nn = gradient.shape
+            rows = gradient.transpose(0, 3, 2, 1).reshape(nc, nn * 3, nq)
+            G = (rows * volume[:, None, :]) @ rows.transpose(0, 2, 1)
+            G = ((G + G.transpose(0, 2, 1)) / 2).reshape(nc, nn, 3, nn, 3)
+            local = lam * G + mu * G.swapaxes(2, 4)  # (nc, a, k, b, l)
+            trace = mu * np.einsum("cakbk->cab", G)
+            for k in range(3):
+                local[:, :, k, :, k] += trace
+            pair = pattern.pairs(cells)
+            np.add.at(M, pair.ravel(), _mass(shape, volume, block.material.rho).ravel())
+            np.add.at(K, pattern.entries(cells, pair).ravel(), local.ravel())
+        stiffness, mass = pattern.stiffness(K), pattern.mass(M)
     if block.absorbing:
         stiffness = csr_matrix(stiffness + boundary_springs(block))
     return stiffness, mass
@@ -93,21 +111,8 @@ def inertia(block: Block, mass: csr_matrix) -> Floats:
     """M r of a block for unit translations r along x, y, z, (3 n, 3) [kg]."""
     if block.matrices is None:
         return np.asarray(mass @ np.tile(np.eye(3), (len(block.points), 1)))
-    own = block.matrices.inertia
-    return np.asarray(mass @ block.matrices.translations) if own is None else own
-
-
-def _of_elements(block: Block) -> tuple[csr_matrix, csr_matrix]:
-    pattern = _NodePairs(block.cells, len(block.points))
-    K, M = np.zeros(9 * pattern.size), np.zeros(pattern.size)
-    for element, rows, cells in chunks_of(block, _CHUNK):
-        gradient, shape, volume = cell_geometry(block, element, cells, rows)
-        pair = pattern.pairs(cells)
-        np.add.at(M, pair.ravel(), _mass(shape, volume, block.material.rho).ravel())
-        np.add.at(
-            K, pattern.entries(cells, pair).ravel(), _stiffness(gradient, volume, block.material).ravel()
-        )
-    return pattern.stiffness(K), pattern.mass(M)
+    brought = block.matrices.inertia
+    return np.asarray(mass @ block.matrices.translations) if brought is None else brought
 
 
 class _NodePairs:
@@ -178,20 +183,6 @@ def _inverses(block: Block, element: Element, cells: Ints, rows: Ints) -> tuple[
     determinant = (jacobian[..., 0, :] * adjugate[..., 0, :]).sum(axis=-1)
     refuse_inverted(block, determinant, rows)
     return adjugate, determinant
-
-
-def _stiffness(gradient: Floats, volume: Floats, material: Material) -> Floats:
-    """Element stiffness (nc, a, k, b, l) [N/m]."""
-    lam, mu = lame(material)
-    nc, nq, _, nn = gradient.shape
-    rows = gradient.transpose(0, 3, 2, 1).reshape(nc, nn * 3, nq)
-    G = (rows * volume[:, None, :]) @ rows.transpose(0, 2, 1)
-    G = ((G + G.transpose(0, 2, 1)) / 2).reshape(nc, nn, 3, nn, 3)
-    K = lam * G + mu * G.swapaxes(2, 4)
-    trace = mu * np.einsum("cakbk->cab", G)
-    for k in range(3):
-        K[:, :, k, :, k] += trace
-    return K
 
 
 def _mass(shape: Floats, volume: Floats, rho: float) -> Floats:

@@ -95,7 +95,7 @@ def respond(
     (acc, vel), (alpha, beta), p = rates, damping, field.order
     values, gradient = _lagrange(p, _XI)
     inertia, stiffness = (acc + alpha * vel)[:, None, None], (1.0 + beta * vel)[:, None, None]
-    top, above, found = np.zeros_like(acc), np.zeros_like(acc), []
+    top, above, motion = np.zeros_like(acc), np.zeros_like(acc), []
     for height, material in zip(-np.diff(field.levels), field.materials, strict=True):
         M = material.rho * height * (values.T * _WEIGHT) @ values
         K = wave_moduli(material)[component] / height * (gradient.T * _WEIGHT) @ gradient
@@ -104,9 +104,9 @@ def respond(
         known[:, 0] += above
         below = -np.linalg.solve(D[:, :p, 1:], known[..., None])[..., 0]
         above = D[:, p, 0] * top + (D[:, p, 1:] * below).sum(axis=1) + load[p]
-        found.append(below)
+        motion.append(below)
         top = below[:, -1]
-    return Response(np.hstack(found), above)
+    return Response(np.hstack(motion), above)
 
 
 def layer_motion(field: FreeField, component: int, omega: Floats, damping: tuple[float, float]) -> Complex:

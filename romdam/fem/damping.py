@@ -51,11 +51,11 @@ def further_damping(block: Block, rayleigh: RayleighConfig | None) -> csr_matrix
 
     Dashpots of absorbing faces, and a damping matrix that the block brings, which stands in Rayleigh's place.
     """
-    own = block.matrices
-    if own is None or own.C is None:
+    brought = block.matrices
+    if brought is None or brought.C is None:
         return boundary_dashpots(block) if block.absorbing else None
     alpha, beta = rayleigh_coefficients(rayleigh)
-    return csr_matrix(own.C - alpha * own.M - beta * own.K + boundary_dashpots(block))
+    return csr_matrix(brought.C - alpha * brought.M - beta * brought.K + boundary_dashpots(block))
 
 
 def joints_alone_hold(part: Part, scene: Scene) -> bool:
@@ -122,8 +122,8 @@ def modal_coefficients(damping: DampingConfig, omega2: Floats) -> Floats:
     if damping.modal is None:
         alpha, beta = rayleigh_coefficients(damping.rayleigh)
         return np.where(omega2 > 0.0, alpha + beta * omega2, 0.0)
-    given = np.atleast_1d(np.asarray(damping.modal, dtype=float))
-    ranked = given[np.minimum(np.arange(len(omega2)), len(given) - 1)]
+    ratios = np.atleast_1d(np.asarray(damping.modal, dtype=float))
+    ranked = ratios[np.minimum(np.arange(len(omega2)), len(ratios) - 1)]
     ratio = np.empty_like(omega2)
     ratio[np.argsort(omega2, kind="stable")] = ranked
     return 2.0 * ratio * np.sqrt(omega2)

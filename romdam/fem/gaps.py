@@ -8,7 +8,7 @@ from scipy.sparse import bsr_matrix, csr_matrix, vstack
 from romdam.contact.laws.catalogue import find_law, law_order
 from romdam.core.arrays import Floats
 from romdam.core.scene import Joint, Scene
-from romdam.core.system import GapLaw, LawRows, LawSource
+from romdam.core.system import GapLaw, LawRows
 
 
 def gap_law(scene: Scene) -> GapLaw:
@@ -19,6 +19,18 @@ def gap_law(scene: Scene) -> GapLaw:
     def stacked(name: str, shape: tuple[int, ...] = (0,)) -> Floats:
         return np.concatenate([np.zeros(shape)] + [getattr(joint, name) for joint in joints])
 
+    # the further laws in the order in which they apply, off at joints that have not got them
+    laws, size = list[LawRows](), int(ends[-1])
+    names = {rows.law for joint in joints for rows in joint.laws}
+    for law in sorted(names, key=lambda law: law_order(find_law(law))):
+        on, values, shear = np.zeros(size, dtype=np.bool_), np.zeros((size, 0)), False
+        for joint, start, end in zip(joints, ends[:-1], ends[1:], strict=True):
+            for rows in joint.laws:
+                if rows.law == law:
+                    values = values if values.size else np.zeros((size, rows.values.shape[1]))
+                    on[start:end], values[start:end] = True, rows.values
+                    shear = shear or rows.shear
+        laws.append(LawRows(law, values, on, shear))
     return GapLaw(
         K_n=stacked("K_n"),
         K_nz=stacked("K_nz"),
@@ -26,29 +38,10 @@ def gap_law(scene: Scene) -> GapLaw:
         mu=stacked("mu", (0, 2)),
         gap=stacked("gap"),
         joints={joint.name: slice(a, b) for joint, a, b in zip(joints, ends[:-1], ends[1:], strict=True)},
-        laws=_laws(joints),
+        laws=tuple(laws),
         viscosity=stacked("viscosity"),
         grout=stacked("grout"),
     )
-
-
-def _laws(joints: list[Joint]) -> tuple[LawRows, ...]:
-    """The further laws of all gaps, in the order in which they apply."""
-    names = {rows.law for joint in joints for rows in joint.laws}
-    return tuple(_law(joints, law) for law in sorted(names, key=lambda law: law_order(find_law(law))))
-
-
-def _law(joints: list[Joint], law: LawSource) -> LawRows:
-    """One further law of all gaps, off at joints that have not got it."""
-    size, start = sum(len(joint.gap) for joint in joints), 0
-    on, values, shear = np.zeros(size, dtype=np.bool_), np.zeros((size, 0)), False
-    for joint in joints:
-        gaps = slice(start, start := start + len(joint.gap))
-        for rows in joint.laws:
-            if rows.law == law:
-                values = values if values.size else np.zeros((size, rows.values.shape[1]))
-                on[gaps], values[gaps], shear = True, rows.values, shear or rows.shear
-    return LawRows(law, values, on, shear)
 
 
 def water_force(scene: Scene) -> Floats:
@@ -78,50 +71,40 @@ def point_operators(scene: Scene, directions: int) -> dict[str, csr_matrix] | No
     joints = scene.joints.values()
     if all(joint.at_point is None for joint in joints):
         return None
-    return _operators(scene, {joint.name: _more_at_point(joint) for joint in joints}, directions)
-
-
-def _more_at_point(joint: Joint) -> tuple[csr_matrix, csr_matrix]:
-    I, J = (csr_matrix(p - w) for p, w in zip(joint.at_point or joint.weights, joint.weights, strict=True))
-    return I, J
+    weights: dict[str, tuple[csr_matrix, csr_matrix]] = {}
+    for joint in joints:
+        (I, J), (point_I, point_J) = joint.weights, joint.at_point or joint.weights
+        weights[joint.name] = csr_matrix(point_I - I), csr_matrix(point_J - J)
+    return _operators(scene, weights, directions)
 
 
 def _operators(
     scene: Scene, weights: dict[str, tuple[csr_matrix, csr_matrix]], directions: int
 ) -> dict[str, csr_matrix]:
+    """Operators of weights (gaps, nodes) on both sides of every joint: block name -> (d ng, 3 nodes)."""
     operators = {}
     for name, block in scene.blocks.items():
-        parts = [
-            _one_side(joint, weights[joint.name], name, len(block.points), directions)
-            for joint in scene.joints.values()
-        ]
-        empty = csr_matrix((0, 3 * len(block.points)))
-        operators[name] = csr_matrix(vstack([empty, *parts]))
+        size = 3 * len(block.points)
+        by_joint = [csr_matrix((0, size))]
+        for joint in scene.joints.values():
+            gaps = len(joint.gap)
+            total, axes = csr_matrix((directions * gaps, size)), gap_axes(joint, directions)
+            for side, sign in ((0, -1.0), (1, 1.0)):
+                if joint.blocks[side] != name:
+                    continue
+                of_side = csr_matrix(weights[joint.name][side]).tocoo()
+                nodes = joint.nodes[side][of_side.col]
+                values = np.tile(sign * of_side.data, 3)
+                rows = np.concatenate([3 * of_side.row + c for c in range(3)])
+                columns = np.concatenate([3 * nodes + c for c in range(3)])
+                total = total + axes @ csr_matrix((values, (rows, columns)), shape=(3 * gaps, size))
+            by_joint.append(csr_matrix(total))
+        operators[name] = csr_matrix(vstack(by_joint))
     return operators
 
 
 def gap_axes(joint: Joint, directions: int) -> csr_matrix:
-    """Vectors at a joint's gaps in the first of their own axes, (directions * gaps, 3 * gaps)."""
+    """Vectors at a joint's gaps in the first of the gaps' axes, (directions * gaps, 3 * gaps)."""
     gaps = len(joint.gap)
     frames = (joint.axes[:, :directions], np.arange(gaps), np.arange(gaps + 1))
     return bsr_matrix(frames, shape=(directions * gaps, 3 * gaps)).tocsr()
-
-
-def _one_side(
-    joint: Joint, both: tuple[csr_matrix, csr_matrix], block: str, nodes: int, directions: int
-) -> csr_matrix:
-    total, axes = csr_matrix((directions * len(joint.gap), 3 * nodes)), gap_axes(joint, directions)
-    for side, sign in ((0, -1.0), (1, 1.0)):
-        if joint.blocks[side] != block:
-            continue
-        weights = csr_matrix(both[side]).tocoo()
-        columns = joint.nodes[side][weights.col]
-        entries = (
-            np.tile(sign * weights.data, 3),
-            (
-                np.concatenate([3 * weights.row + c for c in range(3)]),
-                np.concatenate([3 * columns + c for c in range(3)]),
-            ),
-        )
-        total = total + axes @ csr_matrix(entries, shape=(3 * len(joint.gap), 3 * nodes))
-    return csr_matrix(total)

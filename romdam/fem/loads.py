@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Hydrostatic, Ints, Scene
 from romdam.fem.assembly import assemble_mass, inertia
-from romdam.geometry.elements import ELEMENTS, Element, Floats, Rule, facet_element, jacobians, simplex_rule
+from romdam.geometry.elements import ELEMENTS, Floats, Rule, facet_element, jacobians, simplex_rule
 from romdam.geometry.facets import area_elements, area_vectors, below
 from romdam.geometry.meshes.kinds import facets_by_kind, kinds_of
 
@@ -41,8 +41,8 @@ def surface_force(scene: Scene, block: str) -> Floats:
 
     Pressure, still water, point forces, a change of temperature, and what comes with the block's matrices.
     """
-    points, own = scene.blocks[block].points, scene.blocks[block].matrices
-    force = np.zeros_like(points) if own is None else own.force.reshape(-1, 3).copy()
+    points, matrices = scene.blocks[block].points, scene.blocks[block].matrices
+    force = np.zeros_like(points) if matrices is None else matrices.force.reshape(-1, 3).copy()
     if scene.warmed.get(block):
         force += thermal_force(scene.blocks[block], scene.warmed[block])
     for water in scene.water:
@@ -82,7 +82,7 @@ def thermal_force(block: Block, change: float) -> Floats:
 
 def hydrostatic_force(points: Floats, water: Hydrostatic) -> Floats:
     """Nodal force of still water on facets, (n, 3) [N]; those that the level cuts are integrated below it."""
-    force = np.zeros_like(points)
+    force, (xi, weight) = np.zeros_like(points), simplex_rule(5, 2)
     for _, facets, _ in facets_by_kind(water.facets):
         element = facet_element(facets)
         top = points[facets, 2].max(axis=1)
@@ -91,7 +91,15 @@ def hydrostatic_force(points: Floats, water: Hydrostatic) -> Floats:
         if len(whole):
             np.add.at(force, whole, -_water_on(points, whole, water, element.rule))
         for facet in facets[(top > water.level) & (bottom < water.level)]:
-            rule = _wet_rule(points[facet], element, water.level)
+            # points and weights on the part below the level: the facet is cut into small triangles, and the
+            # water's edge is taken as straight in each of them
+            wet_xi, wet_weight = [np.zeros((0, 2))], [np.zeros(0)]
+            for triangle, shape in _small_triangles(element.name):
+                for corners in below(triangle, shape @ points[facet][:, 2] - water.level):
+                    edges = corners[1:] - corners[0]
+                    wet_xi.append(corners[0] + xi @ edges)
+                    wet_weight.append(weight * abs(np.linalg.det(edges)))
+            rule = np.vstack(wet_xi), np.concatenate(wet_weight)
             np.add.at(force, facet, -_water_on(points, facet[None], water, rule)[0])
     return force
 
@@ -105,23 +113,6 @@ def _water_on(points: Floats, facets: Ints, water: Hydrostatic, rule: Rule) -> F
     return np.einsum("q,fq,qj,fqk->fjk", weight, water.weight * depth, shape, normal, optimize=True)
 
 
-def _wet_rule(points: Floats, element: Element, level: float) -> Rule:
-    """Points and weights on the part of one facet below the level, in the facet's coordinates.
-
-    The facet is cut into small triangles; the water's edge is taken as straight in each of them.
-    """
-    xi, weight = simplex_rule(5, 2)
-    found: list[tuple[Floats, Floats]] = []
-    for triangle, shape in _small_triangles(element.name):
-        above = shape @ points[:, 2] - level
-        for part in below(triangle, above):
-            edges = part[1:] - part[0]
-            found.append((part[0] + xi @ edges, weight * abs(np.linalg.det(edges))))
-    if not found:
-        return np.zeros((0, 2)), np.zeros(0)
-    return np.vstack([x for x, _ in found]), np.concatenate([w for _, w in found])
-
-
 @cache
 def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
     """Triangles (3, 2) that fill an element's reference facet, and its functions at their corners."""
@@ -131,7 +122,7 @@ def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
     lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
     upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
     if element.box:
-        found = 2.0 * np.vstack([lower, upper]) / n - 1.0
+        triangles = 2.0 * np.vstack([lower, upper]) / n - 1.0
     else:
-        found = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-    return [(triangle, element.shape(triangle)) for triangle in found]
+        triangles = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
+    return [(triangle, element.shape(triangle)) for triangle in triangles]

@@ -80,8 +80,8 @@ def unknowns(scene: Scene) -> Unknowns:
     of_block: dict[str, csr_matrix] = {}
     for key, part in parts.items():
         rows, columns = np.flatnonzero(free[key]), np.arange(slices[key].start, slices[key].stop)
-        place = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(3 * part.nodes, int(ends[-1])))
-        of_block |= {name: csr_matrix(part.spread(name) @ place) for name in part.blocks}
+        numbered = csr_matrix((np.ones(len(rows)), (rows, columns)), shape=(3 * part.nodes, int(ends[-1])))
+        of_block |= {name: csr_matrix(part.spread(name) @ numbered) for name in part.blocks}
     return Unknowns(slices, free, {name: of_block[name] for name in scene.blocks})
 
 
@@ -96,9 +96,10 @@ def basis_over_unknowns(scene: Scene, basis: Mapping[str, BlockBasis], size: int
     numbered = unknowns(scene)
     total = np.zeros((sum(int(free.sum()) for free in numbered.free.values()), size))
     for key, part in scene_parts(scene).items():
-        own = [basis[name] for name in part.blocks]
-        whole = np.zeros((3 * part.every_node, own[0].vectors.shape[1]))
-        for name, block in zip(part.blocks, own, strict=True):
-            whole[(3 * part.number[name][:, None] + np.arange(3)).ravel()] = block.vectors.rows()
-        total[numbered.parts[key], own[0].columns] = whole[: 3 * part.nodes][numbered.free[key]]
+        first = basis[part.blocks[0]]
+        whole = np.zeros((3 * part.every_node, first.vectors.shape[1]))
+        for name in part.blocks:
+            rows = (3 * part.number[name][:, None] + np.arange(3)).ravel()
+            whole[rows] = basis[name].vectors.rows()
+        total[numbered.parts[key], first.columns] = whole[: 3 * part.nodes][numbered.free[key]]
     return total

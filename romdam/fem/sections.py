@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.basis import BlockBasis
-from romdam.core.scene import Block, Joint, Scene, Section
+from romdam.core.scene import Block, Scene, Section
 from romdam.fem.assembly import assemble
 from romdam.fem.gaps import gap_axes, gap_operators
 from romdam.fem.loads import thermal_force
@@ -33,18 +33,18 @@ def section_operators(scene: Scene) -> dict[str, csr_matrix]:
     """
     if scene.stress is None:
         return {}
-    sections = scene.stress.sections
-    return {name: _operator(scene.blocks[name], sections) for name in scene.stress.blocks}
-
-
-def _operator(block: Block, sections: tuple[Section, ...]) -> csr_matrix:
-    rows = [csr_matrix((0, 3 * len(block.points)))]
-    for section in sections:
-        if block.name in section.step:
-            rows.append(_of_block(block, section) @ assemble(_stepping(block, section))[0])
-        else:
-            rows.append(csr_matrix((COMPONENTS, 3 * len(block.points))))
-    return csr_matrix(vstack(rows))
+    operators = {}
+    for name in scene.stress.blocks:
+        block = scene.blocks[name]
+        rows = [csr_matrix((0, 3 * len(block.points)))]
+        for section in scene.stress.sections:
+            if name in section.step:
+                motions = _virtual(block.points, section.step[name], section.arm[name], section)
+                rows.append(motions @ assemble(_stepping(block, section))[0])
+            else:
+                rows.append(csr_matrix((COMPONENTS, 3 * len(block.points))))
+        operators[name] = csr_matrix(vstack(rows))
+    return operators
 
 
 def modal_section_forces(scene: Scene, basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
@@ -71,24 +71,23 @@ def gap_section_operator(scene: Scene, directions: int) -> Floats:
     operators, joints = gap_operators(scene, directions), scene.joints.values()
     rows = [np.zeros((0, directions * sum(len(joint.area) for joint in joints)))]
     for section in scene.stress.sections if scene.stress is not None else ():
-        own = np.concatenate([_at_gaps(scene, section, joint, directions) for joint in joints], axis=1)
+        of_joints = []  # virtual motions of the gaps times their forces
+        for joint in joints:
+            total, axes = np.zeros((COMPONENTS, directions * len(joint.area))), gap_axes(joint, directions)
+            step = gaps_above(joint, section, scene.blocks)
+            sides = zip((-1, 1), joint.blocks, joint.nodes, joint.weights, strict=True)
+            for sign, name, nodes, weights in sides:
+                if name in section.step:
+                    points = weights @ scene.blocks[name].points[nodes]
+                    arm = step * ((points - section.centroid) @ section.axes[0])
+                    total += sign * (_virtual(points, step, arm, section) @ axes.T).toarray()
+            of_joints.append(total)
+        share = np.concatenate(of_joints, axis=1)
         for name in section.step:
-            own -= (_of_block(scene.blocks[name], section) @ operators[name].T).toarray()
-        rows.append(own)
+            motions = _virtual(scene.blocks[name].points, section.step[name], section.arm[name], section)
+            share -= (motions @ operators[name].T).toarray()
+        rows.append(share)
     return np.concatenate(rows)
-
-
-def _at_gaps(scene: Scene, section: Section, joint: Joint, directions: int) -> Floats:
-    """The section's virtual motions of a joint's gaps times their forces, (6, directions * gaps)."""
-    total = np.zeros((COMPONENTS, directions * len(joint.area)))
-    axes = gap_axes(joint, directions)
-    step = gaps_above(joint, section, scene.blocks)
-    for sign, block, nodes, weights in zip((-1, 1), joint.blocks, joint.nodes, joint.weights, strict=True):
-        if block in section.step:
-            points = weights @ scene.blocks[block].points[nodes]
-            arm = step * ((points - section.centroid) @ section.axes[0])
-            total += sign * (_virtual(points, (step, arm), section) @ axes.T).toarray()
-    return total
 
 
 def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> dict[str, Floats]:
@@ -104,8 +103,10 @@ def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> 
         forces[name] = (operator @ displacement[name].ravel()).reshape(-1, COMPONENTS)
         for k, section in enumerate(sections):
             if scene.warmed.get(name) and name in section.step:
-                held = thermal_force(_stepping(scene.blocks[name], section), scene.warmed[name])
-                forces[name][k] -= _of_block(scene.blocks[name], section) @ held.ravel()
+                block = scene.blocks[name]
+                held = thermal_force(_stepping(block, section), scene.warmed[name])
+                motions = _virtual(block.points, section.step[name], section.arm[name], section)
+                forces[name][k] -= motions @ held.ravel()
     return forces
 
 
@@ -115,19 +116,15 @@ def _stepping(block: Block, section: Section) -> Block:
     return replace(block, cells=cells, absorbing=())
 
 
-def _of_block(block: Block, section: Section) -> csr_matrix:
-    return _virtual(block.points, (section.step[block.name], section.arm[block.name]), section)
-
-
-def _virtual(points: Floats, above: tuple[Floats, Floats], section: Section) -> csr_matrix:
+def _virtual(points: Floats, step: Floats, arm: Floats, section: Section) -> csr_matrix:
     """Rigid motions of what is above the section, (6, 3 n): along its axes, then about them.
 
     Parameters
     ----------
     points : (n, 3) [m]
-    above : step and arm there, (n,), (n,) [m]
+    step, arm : (n,), (n,) [m] there
     """
-    step, arm, normal = above[0][:, None], above[1][:, None], section.axes[0]
+    step, arm, normal = step[:, None], arm[:, None], section.axes[0]
     y = (points - section.centroid) @ section.axes[1:].T @ section.axes[1:]
     turned = np.cross(section.axes[:, None], (step * y + arm * normal)[None])  # (3, n, 3)
     moved = section.axes[:, None] * step

@@ -32,7 +32,7 @@ from romdam.core.system import PseudoStatic, System
 from romdam.fem.material import lame
 from romdam.fem.parts import unknowns
 from romdam.fem.sections import observed_section_forces, section_operators
-from romdam.geometry.elements import ELEMENTS, Element, Floats, jacobians
+from romdam.geometry.elements import ELEMENTS, Floats, jacobians
 from romdam.geometry.meshes.kinds import kinds_of
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -52,27 +52,34 @@ def stress_operator(block: Block, nodes: Ints) -> csr_matrix:
     -------
     (6 k, 3 n) sparse [Pa/m]; rows of node i are 6*i + the index in COMPONENTS, tension positive
     """
-    place = np.full(len(block.points), -1)
-    place[nodes] = np.arange(len(nodes))
+    points, size, count = block.points, len(block.points), len(nodes)
+    number = np.full(size, -1)  # of each node among `nodes`
+    number[nodes] = np.arange(count)
     kinds = kinds_of(block.element, block.cells)
-    size = len(block.points)
     share = 1.0 / np.sum([np.bincount(cells.ravel(), minlength=size) for _, _, cells in kinds], axis=0)
-    touched = [(element, cells[(place[cells] >= 0).any(axis=1)]) for element, _, cells in kinds]
-    parts = [
-        _cells_operator(block, (element, cells[first : first + _CHUNK]), place, share)
-        for element, cells in touched
-        for first in range(0, len(cells), _CHUNK)
-    ]
-    total = csr_matrix((6 * len(nodes), 3 * len(block.points)))
-    for part in parts:
-        total = total + part
+    total = csr_matrix((6 * count, 3 * size))
+    for element, _, all_cells in kinds:
+        touched = all_cells[(number[all_cells] >= 0).any(axis=1)]
+        xi, carry = _recovery(element.name)
+        for first in range(0, len(touched), _CHUNK):
+            cells = touched[first : first + _CHUNK]
+            gradient = np.linalg.solve(jacobians(points, cells, element, xi), element.gradient(xi)[None])
+            at_points = _stress_of_gradient(np.asarray(gradient, dtype=float), block.material)
+            at_nodes = np.einsum("aq,cqvbm->cavbm", carry, at_points, optimize=True)
+            at_nodes *= share[cells][:, :, None, None, None]
+            shape = at_nodes.shape
+            rows = 6 * number[cells][:, :, None, None, None] + np.arange(6)[:, None, None]
+            columns = 3 * cells[:, None, None, :, None] + np.arange(3)
+            keep = np.broadcast_to((number[cells] >= 0)[:, :, None, None, None], shape)
+            entries = (np.broadcast_to(rows, shape)[keep], np.broadcast_to(columns, shape)[keep])
+            total = total + csr_matrix((at_nodes[keep], entries), shape=(6 * count, 3 * size))
     return csr_matrix(total)
 
 
 def stress_operators(scene: Scene) -> dict[str, csr_matrix]:
     """Block name -> stress at its stress nodes from its displacement, see `stress_operator`."""
     sites = scene.stress.blocks if scene.stress is not None else {}
-    return {name: stress_operator(scene.blocks[name], own.nodes) for name, own in sites.items()}
+    return {name: stress_operator(scene.blocks[name], site.nodes) for name, site in sites.items()}
 
 
 def modal_stress(operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis]) -> dict[str, Floats]:
@@ -82,8 +89,8 @@ def modal_stress(operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockB
     ----------
     operators : see `stress_operators`
     """
-    made = {name: basis[name].vectors.under(operator) for name, operator in operators.items()}
-    return {name: rows.reshape(len(rows) // 6, 6, rows.shape[1]) for name, rows in made.items()}
+    stress = {name: basis[name].vectors.under(operator) for name, operator in operators.items()}
+    return {name: rows.reshape(len(rows) // 6, 6, rows.shape[1]) for name, rows in stress.items()}
 
 
 def observed_stress(scene: Scene) -> csr_matrix:
@@ -126,17 +133,20 @@ def carried_stress(scene: Scene, moving: PseudoStatic) -> dict[str, tuple[Floats
     """
     if scene.stress is None:
         return {}
-    found = {}
+    carried = {}
     for name, section in section_operators(scene).items():
         stress = stress_operator(scene.blocks[name], scene.stress.blocks[name].nodes)
-        own, size = moving.shapes[name], (-1, 6, len(moving.stiffness))
-        found[name] = (stress @ own).reshape(size), (section @ own).reshape(size)
-    return found
+        shapes, size = moving.shapes[name], (-1, 6, len(moving.stiffness))
+        carried[name] = (stress @ shapes).reshape(size), (section @ shapes).reshape(size)
+    return carried
 
 
 def with_carried(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) -> dict[str, Floats]:
     """Stress or forces per coordinate (.., 6, m), with those of what moving supports displace behind."""
-    return {name: np.dstack([own, carried[name]]) if name in carried else own for name, own in fields.items()}
+    return {
+        name: np.dstack([values, carried[name]]) if name in carried else values
+        for name, values in fields.items()
+    }
 
 
 def thermal_stress(scene: Scene) -> dict[str, Floats]:
@@ -146,43 +156,27 @@ def thermal_stress(scene: Scene) -> dict[str, Floats]:
     """
     if scene.stress is None:
         return {}
-    found = {}
+    stress = {}
     for name, sites in scene.stress.blocks.items():
         material = scene.blocks[name].material
         lam, mu = lame(material)
         strain = material.expansion * scene.warmed.get(name, 0.0)
         normal = -(3.0 * lam + 2.0 * mu) * strain
-        found[name] = np.tile([normal, normal, normal, 0.0, 0.0, 0.0], (len(sites.nodes), 1))
-    return found
-
-
-def _cells_operator(block: Block, kind: tuple[Element, Ints], place: Ints, share: Floats) -> csr_matrix:
-    """Share of some cells of one kind in the operator."""
-    element, own = kind
-    xi, carry = _recovery(element.name)
-    gradient = np.linalg.solve(jacobians(block.points, own, element, xi), element.gradient(xi)[None])
-    at_points = _stress_of_gradient(np.asarray(gradient, dtype=float), block.material)
-    at_nodes = np.einsum("aq,cqvbm->cavbm", carry, at_points, optimize=True)
-    at_nodes *= share[own][:, :, None, None, None]
-    shape = at_nodes.shape
-    rows = 6 * place[own][:, :, None, None, None] + np.arange(6)[:, None, None]
-    columns = 3 * own[:, None, None, :, None] + np.arange(3)
-    keep = np.broadcast_to((place[own] >= 0)[:, :, None, None, None], shape)
-    entries = (np.broadcast_to(rows, shape)[keep], np.broadcast_to(columns, shape)[keep])
-    return csr_matrix((at_nodes[keep], entries), shape=(6 * int((place >= 0).sum()), 3 * len(place)))
+        stress[name] = np.tile([normal, normal, normal, 0.0, 0.0, 0.0], (len(sites.nodes), 1))
+    return stress
 
 
 def _stress_of_gradient(gradient: Floats, material: Material) -> Floats:
     """Stress per nodal displacement (nc, nq, 6, nn, 3) from shape gradients (nc, nq, 3, nn)."""
     lam, mu = lame(material)
     g = np.moveaxis(gradient, 2, 3)  # (nc, nq, nn, 3)
-    found = np.zeros((*g.shape[:2], 6, *g.shape[2:]))
+    stress = np.zeros((*g.shape[:2], 6, *g.shape[2:]))
     for v, (k, l) in enumerate(_PAIRS):
         if k == l:
-            found[:, :, v] = lam * g
-        found[:, :, v, :, l] += mu * g[..., k]
-        found[:, :, v, :, k] += mu * g[..., l]
-    return found
+            stress[:, :, v] = lam * g
+        stress[:, :, v, :, l] += mu * g[..., k]
+        stress[:, :, v, :, k] += mu * g[..., l]
+    return stress
 
 
 @cache
