@@ -42,14 +42,22 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
     WriteError
         where the operating system refuses the file, or has no room for it.
     """
+    free = float("inf")
     if size:
-        _refuse_full_disk(path, size + _SPARE)
+        with suppress(OSError):  # the writing itself says what is wrong
+            free = shutil.disk_usage(path.parent).free
+    if free < size + _SPARE:
+        raise WriteError(
+            f"{path}: cannot be written, it may take {(size + _SPARE) / 1e6:.1f} MB and {free / 1e6:.1f} MB "
+            "are free; free the disk or choose another folder"
+        )
     try:
-        with private_folder(path.parent) as own:
-            part = own / path.name
-            yield part
-            _sync(part)
-            os.replace(part, path)
+        with private_folder(path.parent) as folder:
+            unfinished = folder / path.name
+            yield unfinished
+            with unfinished.open("rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(unfinished, path)
     except OSError as error:
         raise WriteError(
             f"{path}: cannot be written ({error}); free the disk or choose another folder"
@@ -70,27 +78,27 @@ class Unkept:
 
 
 @contextmanager
-def private_folder(beside: Path) -> Iterator[Path]:
+def private_folder(parent: Path) -> Iterator[Path]:
     """A folder that only this writer knows, locked while it lives; removed at the end."""
-    own, lock = locked_folder(beside)
+    folder, lock = locked_folder(parent)
     try:
-        yield own
+        yield folder
     finally:
-        shutil.rmtree(own, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
         os.close(lock)
 
 
-def locked_folder(beside: Path) -> tuple[Path, int]:
+def locked_folder(parent: Path) -> tuple[Path, int]:
     """A new folder in another one, and the descriptor that keeps `sweep_parts` from it until it is closed."""
     for _ in range(_TRIES):
-        own = Path(tempfile.mkdtemp(prefix=_PREFIX, suffix=_SUFFIX, dir=beside))
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, suffix=_SUFFIX, dir=parent))
         with suppress(FileNotFoundError):  # another job has swept it before it was opened
-            lock = os.open(own if fcntl else os.devnull, os.O_RDONLY)  # Windows opens no folders
+            lock = os.open(folder if fcntl else os.devnull, os.O_RDONLY)  # Windows opens no folders
             _lock(lock, waiting=True)
-            if own.exists():  # else it was swept before it was locked
-                return own, lock
+            if folder.exists():  # else it was swept before it was locked
+                return folder, lock
             os.close(lock)
-    raise OSError(f"{beside}: folders that are made here vanish")
+    raise OSError(f"{parent}: folders that are made here vanish")
 
 
 def hold(path: Path) -> int | None:
@@ -126,40 +134,19 @@ def _lock(descriptor: int, waiting: bool = False) -> bool | None:
     return True
 
 
-def _sync(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
-def _refuse_full_disk(path: Path, size: int) -> None:
-    try:
-        free = shutil.disk_usage(path.parent).free
-    except OSError:
-        return  # the writing itself says what is wrong
-    if free < size:
-        raise WriteError(
-            f"{path}: cannot be written, it may take {size / 1e6:.1f} MB and {free / 1e6:.1f} MB are free; "
-            "free the disk or choose another folder"
-        )
-
-
 def sweep_parts(folder: Path) -> None:
     """Remove what writers that were killed have left in a folder; what living ones write stays."""
     for part in folder.glob(".*.part"):
         if part.is_file() and _EARLIER.fullmatch(part.name):
             part.unlink(missing_ok=True)
         elif part.name.startswith(_PREFIX) and part.is_dir() and not part.is_symlink():
-            _sweep(part)
-
-
-def _sweep(part: Path) -> None:
-    with suppress(OSError):  # another process has swept it
-        lock = os.open(part, os.O_RDONLY)
-        try:
-            if _lock(lock):
-                shutil.rmtree(part, ignore_errors=True)
-        finally:
-            os.close(lock)
+            with suppress(OSError):  # another process has swept it
+                lock = os.open(part, os.O_RDONLY)
+                try:
+                    if _lock(lock):
+                        shutil.rmtree(part, ignore_errors=True)
+                finally:
+                    os.close(lock)
 
 
 def prepare_folder(folder: Path) -> Path:

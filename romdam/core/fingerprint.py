@@ -21,7 +21,6 @@ import romdam
 if TYPE_CHECKING:
     from hashlib import _Hash
 
-    from romdam.core.motion import MovingSupports
     from romdam.core.scene import Scene
 
 # rooms that show what was computed, or write it for other programs; every other room may move a number
@@ -100,7 +99,19 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
         for name, joint in scene.joints.items()
     }
     rest = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name not in ("joints", "remarks")}
-    return joints, rest | {"moving": _moving(scene.moving)}
+    moving: object = None
+    if scene.moving is not None:  # by what moves supports; where their records were read from does not count
+        motions = [
+            (
+                motion.support,
+                motion.delay,
+                motion.factor,
+                None if motion.record is None else motion.record.digest,
+            )
+            for motion in scene.moving.motions
+        ]
+        moving = motions, scene.moving.components
+    return joints, rest | {"moving": moving}
 
 
 def scene_digest(scene: Scene) -> str:
@@ -108,31 +119,21 @@ def scene_digest(scene: Scene) -> str:
     return fingerprint((code_digest(), *scene_content(scene)))
 
 
-def _moving(supports: MovingSupports | None) -> object:
-    """Motions of supports by what moves them; where their records were read from does not count."""
-    if supports is None:
-        return None
-    motions = [
-        (one.support, one.delay, one.factor, None if one.record is None else one.record.digest)
-        for one in supports.motions
-    ]
-    return motions, supports.components
-
-
 def _add(content: _Hash, value: Any) -> None:
+    """Add a value to what is hashed; what numpy and scipy are needed for comes last."""
     if is_dataclass(value) and not isinstance(value, type):
         _add(content, {f.name: getattr(value, f.name) for f in fields(value)})
     elif isinstance(value, Mapping):
         content.update(f"mapping {len(value)};".encode())
-        for key, part in value.items():
+        for key, entry in value.items():
             _add(content, key)
-            _add(content, part)
+            _add(content, entry)
     elif isinstance(value, frozenset | set):
         _add(content, sorted(value))
     elif isinstance(value, list | tuple):
         content.update(f"sequence {len(value)};".encode())
-        for part in value:
-            _add(content, part)
+        for entry in value:
+            _add(content, entry)
     elif isinstance(value, slice):
         content.update(b"slice;")
         _add(content, (value.start, value.stop, value.step))
@@ -143,25 +144,21 @@ def _add(content: _Hash, value: Any) -> None:
         kinds = (kind for kind in (str, bytes, float) if isinstance(value, kind))
         content.update(f"{next(kinds, type(value)).__repr__(value)};".encode())
     else:
-        _add_array(content, value)
+        import numpy as np
+        from scipy.sparse import csr_matrix, issparse
 
-
-def _add_array(content: _Hash, value: Any) -> None:
-    import numpy as np
-    from scipy.sparse import csr_matrix, issparse
-
-    if issparse(value):
-        matrix = csr_matrix(value)
-        matrix.sum_duplicates()
-        _add(content, (matrix.shape, matrix.indptr, matrix.indices, matrix.data))
-    elif isinstance(value, np.generic) and value.dtype.kind in "fiub":
-        _add(content, value.item())
-    elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
-        plain = np.ascontiguousarray(value, dtype=np.float64 if value.dtype.kind == "f" else np.int64)
-        content.update(f"array {np.shape(value)};".encode())
-        content.update(plain.data if plain.size else b"")
-    else:
-        raise TypeError(f"no fingerprint of {type(value).__name__}")
+        if issparse(value):
+            matrix = csr_matrix(value)
+            matrix.sum_duplicates()
+            _add(content, (matrix.shape, matrix.indptr, matrix.indices, matrix.data))
+        elif isinstance(value, np.generic) and value.dtype.kind in "fiub":
+            _add(content, value.item())
+        elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
+            plain = np.ascontiguousarray(value, dtype=np.float64 if value.dtype.kind == "f" else np.int64)
+            content.update(f"array {np.shape(value)};".encode())
+            content.update(plain.data if plain.size else b"")
+        else:
+            raise TypeError(f"no fingerprint of {type(value).__name__}")
 
 
 _CODE = _digests(Path(romdam.__file__).parent)

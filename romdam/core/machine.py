@@ -7,9 +7,9 @@ import os
 _SHARE = 0.8  # of the machine's memory, where no limit is given
 
 
-def memory_limit(given: float | None) -> float:
-    """Bytes that may be taken: those given, else four fifths of the machine's."""
-    return _SHARE * machine_memory() if given is None else given
+def memory_limit(limit: float | None) -> float:
+    """Bytes that may be taken: the limit, or four fifths of the machine's."""
+    return _SHARE * machine_memory() if limit is None else limit
 
 
 def machine_memory() -> float:

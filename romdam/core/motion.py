@@ -83,7 +83,17 @@ class GroundMotion:
         if not isinstance(name, str) or not name:
             raise RecordError(f"{place}: a motion's name is text, got {quote(name)}")
         where = f"{place}, {name}"
-        values = _components(acc, where) if isinstance(acc, Mapping) else _numbers(acc, where)
+        if isinstance(acc, Mapping):
+            if not acc or any(name not in AXES for name in acc):
+                raise RecordError(f"{where}: acc has components {quote(list(acc))}, known are x, y and z")
+            components = {axis: _numbers(acc[axis], f"{where}, component {axis}") for axis in acc}
+            shapes = {axis: component.shape for axis, component in components.items()}
+            first = next(iter(shapes.values()))
+            if len(first) != 1 or any(shape != first for shape in shapes.values()):
+                raise RecordError(f"{where}: components must be (nt,) and equally long, got {quote(shapes)}")
+            values = np.array([components.get(axis, np.zeros(first)) for axis in AXES])
+        else:
+            values = _numbers(acc, where)
         if values.ndim != 2 or len(values) != len(AXES):
             raise RecordError(
                 f"{where}: acc has shape {values.shape}, wanted (3, nt) of x, y and z; one component alone "
@@ -167,19 +177,6 @@ class GroundMotion:
         return float(np.abs(self.acc).max())
 
 
-def _components(acc: Mapping[str, ArrayLike], where: str) -> Floats:
-    """(3, nt) of components by name."""
-    wrong = [name for name in acc if name not in AXES]
-    if wrong or not acc:
-        raise RecordError(f"{where}: acc has components {quote(list(acc))}, known are x, y and z")
-    given = {name: _numbers(one, f"{where}, component {name}") for name, one in acc.items()}
-    shapes = {name: one.shape for name, one in given.items()}
-    first = next(iter(shapes.values()))
-    if len(first) != 1 or any(shape != first for shape in shapes.values()):
-        raise RecordError(f"{where}: components must be (nt,) and equally long, got {quote(shapes)}")
-    return np.array([given.get(axis, np.zeros(first)) for axis in AXES])
-
-
 def _numbers(values: ArrayLike, where: str) -> Floats:
     """A copy as float64; what is no real number is refused."""
     try:
@@ -236,5 +233,5 @@ def ground_rows(supports: int) -> dict[Motion, slice]:
     """Rows of a run's ground motion: the base's three, then those of supports that move by themselves."""
     motions = Motion.SUPPORTS, Motion.SUPPORTS_VELOCITY, Motion.SUPPORTS_DISPLACEMENT
     n = 3 * supports
-    after = {one: slice(3 + k * n, 3 + (k + 1) * n) for k, one in enumerate(motions)}
+    after = {motion: slice(3 + k * n, 3 + (k + 1) * n) for k, motion in enumerate(motions)}
     return {Motion.BASE: slice(0, 3)} | after

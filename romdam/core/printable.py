@@ -30,12 +30,10 @@ def plain_cell(value: object) -> object:
     if not isinstance(value, str):
         return value
     text = one_line(value)
-    return f"'{text}" if len(text) > 1 and text[0] in "=+-@" and not _is_number(text) else text
-
-
-def _is_number(text: str) -> bool:
+    if len(text) < 2 or text[0] not in "=+-@":
+        return text
     try:
         float(text)
     except ValueError:
-        return False
-    return True
+        return f"'{text}"
+    return text

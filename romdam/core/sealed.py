@@ -145,10 +145,10 @@ def _tried(path: Path) -> Opened:
     command = [sys.executable, "-P", str(Path(__file__).with_name("trial.py")), str(path.absolute())]
     try:
         done = subprocess.run(command, capture_output=True, timeout=seconds, check=False)
-        found = json.loads(done.stdout)
-        if "refused" in found:
-            raise ResultError(f"{path}: {found['refused']}")
-        return Opened(False, frozenset(found["undefined"]), frozenset(found["infinite"]))
+        answer = json.loads(done.stdout)
+        if "refused" in answer:
+            raise ResultError(f"{path}: {answer['refused']}")
+        return Opened(False, frozenset(answer["undefined"]), frozenset(answer["infinite"]))
     except subprocess.TimeoutExpired:
         raise ResultError(f"{path}: is damaged, HDF5 does not come to an end over it") from None
     except ValueError:

@@ -43,10 +43,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import RLock, get_ident, local
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from threadpoolctl import LibController
+from typing import TypeVar
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -64,7 +61,7 @@ _lock = RLock()
 _jobs: list[int] = []  # a Python thread for each `one_thread` that it is in
 _ceilings: dict[str, int] = {}  # library -> its threads before the first of them
 _held: list[int] = []  # the threads that libraries were set to last, and how many modules were loaded then
-_own = local()  # `helped`: CPU seconds that other threads have spent for this one
+_of_thread = local()  # `helped`: CPU seconds that other threads have spent for this one
 
 
 @contextmanager
@@ -103,7 +100,8 @@ def threads_for(unknowns: int, each: int) -> Iterator[None]:
         yield
     finally:
         if count > 1:
-            _add_help(time.process_time() - time.thread_time() - others)
+            spent = time.process_time() - time.thread_time() - others
+            _of_thread.helped = getattr(_of_thread, "helped", 0.0) + spent
             with _lock:
                 _set_threads(1)
 
@@ -140,8 +138,8 @@ def in_background(task: Callable[[], T], unknowns: int) -> Iterator[Callable[[],
     unknowns : of the mesh; a small one's tasks are done first, too
     """
     if unknowns < BESIDE or helpers() == 1:
-        made = task()
-        yield lambda: made
+        result = task()
+        yield lambda: result
         return
     with ThreadPoolExecutor(1) as thread:
         yield thread.submit(task).result
@@ -165,7 +163,7 @@ def at_once(first: Callable[[], T], second: Callable[[], U], unknowns: int) -> t
 
 def cpu_time() -> float:
     """CPU seconds of this thread and of what has worked for it: `side_by_side`, `at_once`, libraries."""
-    return time.thread_time() + float(getattr(_own, "helped", 0.0))
+    return time.thread_time() + float(getattr(_of_thread, "helped", 0.0))
 
 
 def _timed(task: Callable[[], T]) -> tuple[T, float]:
@@ -175,12 +173,8 @@ def _timed(task: Callable[[], T]) -> tuple[T, float]:
 
 def _taken(done: Future[tuple[T, float]]) -> T:
     result, seconds = done.result()
-    _add_help(seconds)
+    _of_thread.helped = getattr(_of_thread, "helped", 0.0) + seconds
     return result
-
-
-def _add_help(seconds: float) -> None:
-    _own.helped = getattr(_own, "helped", 0.0) + seconds
 
 
 def _set_threads(count: int) -> None:
@@ -195,17 +189,12 @@ def _set_threads(count: int) -> None:
     _held[:] = count, len(sys.modules)
     libraries = ThreadpoolController().lib_controllers
     for library in libraries:
+        # from threadpoolctl 3.8 on the first Python thread that sets a library shuts the others out
+        release = getattr(library, "clear_controlling_thread", lambda force: None)
         most = _ceilings.setdefault(library.filepath, library.get_num_threads())
-        _release(library)
+        release(force=True)
         library.set_num_threads(min(count, most))
-    for library in libraries:
-        _release(library)
-
-
-def _release(library: LibController) -> None:
-    """Let any Python thread set it; from threadpoolctl 3.8 on the first that does shuts the others out."""
-    if hasattr(library, "clear_controlling_thread"):
-        library.clear_controlling_thread(force=True)
+        release(force=True)
 
 
 def cores() -> int:

@@ -22,16 +22,16 @@ _ATTRIBUTE = 64 << 20  # bytes of an attribute
 
 def trial(path: str) -> dict[str, object]:
     """Read a file; what `main` prints."""
-    found: dict[str, list[str]] = {"undefined": [], "infinite": []}
+    no_numbers: dict[str, list[str]] = {"undefined": [], "infinite": []}
     with h5py.File(path, "r") as file:
         try:
-            _read_group(file, found, set())
+            _read_group(file, no_numbers, set())
         except ValueError as error:
             return {"refused": str(error)}
-    return dict(found)
+    return dict(no_numbers)
 
 
-def _read_group(group: h5py.Group, found: dict[str, list[str]], seen: set[object]) -> None:
+def _read_group(group: h5py.Group, no_numbers: dict[str, list[str]], seen: set[object]) -> None:
     _read_attributes(group)
     for name in group:
         link = group.get(name, getlink=True)
@@ -43,10 +43,10 @@ def _read_group(group: h5py.Group, found: dict[str, list[str]], seen: set[object
             raise ValueError(f"{group.name}/{name} stands in two places")
         seen.add(address)
         if isinstance(item, h5py.Group):
-            _read_group(item, found, seen)
+            _read_group(item, no_numbers, seen)
         elif isinstance(item, h5py.Dataset):
             _read_attributes(item)
-            _read_dataset(item, found)
+            _read_dataset(item, no_numbers)
 
 
 def _read_attributes(item: h5py.Group | h5py.Dataset) -> None:
@@ -57,7 +57,7 @@ def _read_attributes(item: h5py.Group | h5py.Dataset) -> None:
         item.attrs[name]
 
 
-def _read_dataset(data: h5py.Dataset, found: dict[str, list[str]]) -> None:
+def _read_dataset(data: h5py.Dataset, no_numbers: dict[str, list[str]]) -> None:
     if data.shape is None:
         return
     if data.is_virtual or data.external:
@@ -65,24 +65,20 @@ def _read_dataset(data: h5py.Dataset, found: dict[str, list[str]]) -> None:
     stored = min(data.id.get_storage_size(), data.file.id.get_filesize())
     if math.prod(data.shape) * data.dtype.itemsize > _RATIO * stored + _SPARE:
         raise ValueError(f"{data.name} states a size of {data.shape}, and holds {stored} bytes")
-    for piece in _pieces(data):
+    pieces: list[object] = [()]
+    if data.shape:  # whole rows of chunks
+        row = max(1, math.prod(data.shape[1:]) * data.dtype.itemsize)
+        step = max(1, _TOGETHER // row)
+        if data.chunks:
+            step = max(1, step // data.chunks[0]) * data.chunks[0]
+        pieces = [slice(k, k + step) for k in range(0, data.shape[0], step)]
+    for piece in pieces:
         values = data[piece]
         if data.dtype.kind == "f" and not np.isfinite(values).all():
             kinds = {"undefined": np.isnan(values).any(), "infinite": np.isinf(values).any()}
             for kind, there in kinds.items():
-                if there and data.name.lstrip("/") not in found[kind]:
-                    found[kind].append(data.name.lstrip("/"))
-
-
-def _pieces(data: h5py.Dataset) -> list[object]:
-    """Slices of whole rows of chunks, that together are the dataset."""
-    if not data.shape:
-        return [()]
-    row = max(1, math.prod(data.shape[1:]) * data.dtype.itemsize)
-    step = max(1, _TOGETHER // row)
-    if data.chunks:
-        step = max(1, step // data.chunks[0]) * data.chunks[0]
-    return [slice(k, k + step) for k in range(0, data.shape[0], step)]
+                if there and data.name.lstrip("/") not in no_numbers[kind]:
+                    no_numbers[kind].append(data.name.lstrip("/"))
 
 
 def main() -> None:
