@@ -68,9 +68,9 @@ def prepare(
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
-    prepared_before = {} if like is None else like.found
+    prepared_before = {} if like is None else like.symmetries
     ready = grouted(system, transient.tolerance)
-    return Prepared(ready, integrator_class(name).configured(transient), found=prepared_before)
+    return Prepared(ready, integrator_class(name).configured(transient), symmetries=prepared_before)
 
 
 def simulate_motions(

@@ -15,17 +15,6 @@ WRONG = {
     "import romdam\nromdam.run(romdam.load_config('a.yaml'), 3)\n": 'Argument 2 to "run"',
 }
 
-TO_DO = {
-    "romdam/contact/step.py",
-    "romdam/effects/added_mass.py",
-    "romdam/fem/stress.py",
-    "romdam/timestepping/equilibrium.py",
-    "romdam/timestepping/modal/loop.py",
-    "romdam/timestepping/modal/massless_boundary.py",
-    "romdam/timestepping/modal/mode_split.py",
-    "romdam/timestepping/step_control.py",
-}  # files that still have arguments which are tuples of unlike things; none may be added
-
 
 def _is_tuple_of_unlike_things(annotation):
     """Tell whether an annotation is a tuple whose members have different types, or such a tuple or None."""
@@ -74,8 +63,7 @@ def test_no_argument_is_a_tuple_of_unlike_things():
         for path in files
         if (seen := [*_arguments_of_unlike_things(path.read_text())])
     }
-    assert {name: seen for name, seen in found.items() if name not in TO_DO} == {}
-    assert TO_DO - set(found) == set(), "these files have none any more: take them out of TO_DO"
+    assert found == {}
 
 
 @pytest.mark.slow

@@ -168,7 +168,11 @@ class GapMemory(NamedTuple):
 
 
 def gap_problem(
-    H: Floats, law: GapLaw, step: tuple[float, float] = (np.inf, 0.0), own: Floats | None = None
+    H: Floats,
+    law: GapLaw,
+    dt: float = np.inf,
+    most_ratio: float = 0.0,
+    single_flexibility: Floats | None = None,
 ) -> GapProblem:
     """Set up the gap-space problem of one time step.
 
@@ -176,10 +180,11 @@ def gap_problem(
     ----------
     H : (N, N) jump per joint force over the step [m/N]; N = n (frictionless) or 3 n
     law : of the n gaps
-    step : length of the step, inf in statics [s]; largest theta ratio: 1 permits theta from 1/2 on, 0 means
-        theta = 1 (spring forces at the end of the step), which gaps with further laws always have
-    own : (N,) self flexibility of the gaps if rows of H stand for several merged gaps; that of H if not given
-        [m/N]
+    dt : length of the step, inf in statics [s]
+    most_ratio : largest theta ratio: 1 permits theta from 1/2 on, 0 means theta = 1 (spring forces at the end
+        of the step), which gaps with further laws always have
+    single_flexibility : (N,) self flexibility of the gaps if rows of H stand for several merged gaps; that of
+        H if not given [m/N]
 
     Raises
     ------
@@ -187,20 +192,57 @@ def gap_problem(
         where K_n is not above zero; where K_nz exceeds K_n, or equals it at a gap with friction; for a
         dashpot on a rigid gap.
     """
-    (dt, most_ratio), K_n, K_nz, n = step, law.K_n, law.K_nz, len(law)
+    K_n, K_nz, K_s, n = law.K_n, law.K_nz, law.K_s, len(law)
     d = max(1, len(H) // max(n, 1))
-    _check_stiffness(K_n, K_nz, law.mu)
+    soft = ~(K_n > 0.0)  # True for NaN
+    if soft.any():
+        i = int(np.argmax(soft))
+        raise ConfigError(
+            f"joints: normal_stiffness must be above 0, got {K_n[i]:.4g} N/m at gap {i}; give a stiffness or "
+            "rigid, or leave the joint out where the blocks never touch"
+        )
+    wrong = (K_nz > K_n) | ((K_nz == K_n) & (law.mu.max(axis=1, initial=0.0) > 0.0))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ConfigError(
+            "joints: tension_stiffness must be below normal_stiffness (at most equal without friction), "
+            f"got {K_nz[i]:.4g} N/m against {K_n[i]:.4g} N/m at gap {i}; lower tension_stiffness"
+        )
     unilateral = np.maximum(K_n - K_nz, _LEAST_UNILATERAL * np.where(np.isinf(K_n), 1.0, K_n))
     with np.errstate(invalid="ignore"):
         whole = np.where(np.isinf(K_n), 1.0, K_n / unilateral)
     laws = _laws(law, unilateral, dt) if law.has_memory else None
-    compliance = _compliance(unilateral, law.K_s, None if laws is None else laws.dashpot_share, d)
-    transform, W = _with_tension(H, K_nz)
-    if own is None or len(transform):
-        own = self_flexibility(blocks_of_gaps(W, n)).ravel()
-    ratio = np.minimum(_theta_ratio(own.reshape(n, d), compliance), most_ratio if laws is None else 0.0)
+    # compliance of the springs where the force follows them at the step's end
+    compliance = np.zeros((n, d))
+    compliance[:, NORMAL] = 1.0 / unilateral
+    if laws is not None:
+        compliance[:, NORMAL] *= 1.0 - laws.dashpot_share
+    if d == 3:
+        with np.errstate(divide="ignore"):
+            compliance[:, SHEAR_J:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
+    transform: Floats = np.zeros((0, 0))
+    W: Floats = H
+    if K_nz.any():
+        D = np.zeros((n, d))
+        D[:, NORMAL] = K_nz
+        transform = np.asarray(np.linalg.inv(np.eye(len(H)) + H * D.ravel()), dtype=float)
+        W = np.asarray(transform @ H)
+    W = 0.5 * (W + W.T)
+    if single_flexibility is None or len(transform):
+        single_flexibility = self_flexibility(blocks_of_gaps(W, n)).ravel()
+    with np.errstate(divide="ignore", invalid="ignore"):  # the same for both directions of the shear
+        stiffness_share = 2.0 / _HALF_WAY * single_flexibility.reshape(n, d) / compliance
+        ratio = np.where(compliance > 0.0, 1.0 / (1.0 + stiffness_share), 0.0)
+    ratio = np.minimum(ratio, most_ratio if laws is None else 0.0)
     compliance *= 1.0 + ratio
     W = W + np.diag(compliance.ravel())
+    # friction as its law puts it, once for all steps where no further law changes it
+    rows, which = np.unique(law.mu, axis=0, return_inverse=True)
+    limits = np.zeros((len(rows), ENTRIES))
+    for row, limit in zip(rows, limits, strict=True):
+        Coulomb.limit(row, np.zeros(0), np.zeros(STEP_ENTRIES), limit)
+    mu = limits[which.reshape(-1), MU_J : MU_K + 1]
+    slip = law.slip if d == 3 and len(law.slip) else np.zeros((n if d == 3 else 0, d - 1))
     return GapProblem(
         W=np.ascontiguousarray(W),
         Z=_dual(W) if d == 1 else np.zeros((0, 0)),
@@ -208,50 +250,13 @@ def gap_problem(
         tension=np.ascontiguousarray(K_nz, dtype=float),
         compliance=compliance.ravel(),
         theta_ratio=ratio.ravel(),
-        self_flexibility=np.ascontiguousarray(own),
-        mu=np.ascontiguousarray(_friction(law.mu) * whole[:, None]),
+        self_flexibility=np.ascontiguousarray(single_flexibility),
+        mu=np.ascontiguousarray(mu * whole[:, None]),
         whole=whole,
         gap=np.ascontiguousarray(law.gap, dtype=float),
-        slip=_initial_slip(law, d),
+        slip=np.ascontiguousarray(slip, dtype=float),
         laws=laws,
     )
-
-
-def _initial_slip(law: GapLaw, d: int) -> Floats:
-    """Initial jump along j and k, (n, 2), empty without friction [m]."""
-    if d == 3 and len(law.slip):
-        return np.ascontiguousarray(law.slip, dtype=float)
-    return np.zeros((len(law) if d == 3 else 0, d - 1))
-
-
-def _compliance(unilateral: Floats, K_s: Floats, dashpot_share: Floats | None, d: int) -> Floats:
-    """Compliance of the gaps' springs where the force follows them at the step's end, (n, d) [m/N]."""
-    compliance = np.zeros((len(unilateral), d))
-    compliance[:, NORMAL] = 1.0 / unilateral
-    if dashpot_share is not None:
-        compliance[:, NORMAL] *= 1.0 - dashpot_share
-    if d == 3:
-        with np.errstate(divide="ignore"):
-            compliance[:, SHEAR_J:] = np.where(K_s > 0.0, 1.0 / K_s, 0.0)[:, None]
-    return compliance
-
-
-def _with_tension(H: Floats, K_nz: Floats) -> tuple[Floats, Floats]:
-    """(I + H D)^-1, (0, 0) without tension stiffness, and H' that it makes of H."""
-    transform: Floats = np.zeros((0, 0))
-    W: Floats = H
-    if K_nz.any():
-        D = np.zeros((len(K_nz), len(H) // len(K_nz)))
-        D[:, NORMAL] = K_nz
-        transform = np.asarray(np.linalg.inv(np.eye(len(H)) + H * D.ravel()), dtype=float)
-        W = np.asarray(transform @ H)
-    return transform, 0.5 * (W + W.T)
-
-
-def _theta_ratio(flexibility: Floats, compliance: Floats) -> Floats:
-    """(1 - theta) / theta of every spring, (n, d); the same for both directions of the shear."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(compliance > 0.0, 1.0 / (1.0 + 2.0 / _HALF_WAY * flexibility / compliance), 0.0)
 
 
 def blocks_of_gaps(H: Floats, n: int) -> Floats:
@@ -267,28 +272,42 @@ def self_flexibility(blocks: Floats) -> Floats:
     It is that along the normal and, for both directions of the shear, the largest in the plane of the gap:
     no choice of the axes changes it.
     """
-    own = np.diagonal(blocks, axis1=-2, axis2=-1).copy()
-    if own.shape[-1] > 1:
+    flexibility = np.diagonal(blocks, axis1=-2, axis2=-1).copy()
+    if flexibility.shape[-1] > 1:
         jj, kk = blocks[..., SHEAR_J, SHEAR_J], blocks[..., SHEAR_K, SHEAR_K]
         largest = 0.5 * (jj + kk) + np.hypot(0.5 * (jj - kk), blocks[..., SHEAR_J, SHEAR_K])
-        own[..., SHEAR_J:] = largest[..., None]
-    return own
+        flexibility[..., SHEAR_J:] = largest[..., None]
+    return flexibility
 
 
 def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
     """The further laws over a step; `stiffness` (n,) is that of a closed gap beyond K_nz [N/m]."""
-    rows = every_law(law)
-    laws = [find_law(one.law) for one in rows]
-    shape = len(rows), len(law)
-    parameters = np.zeros((*shape, max((one.values.shape[1] for one in rows), default=0)))
+    every = every_law(law)
+    laws = [find_law(rows.law) for rows in every]
+    shape = len(every), len(law)
+    parameters = np.zeros((*shape, max((rows.values.shape[1] for rows in every), default=0)))
     on = np.zeros(shape, dtype=np.bool_)
-    for k, one in enumerate(rows):
-        parameters[k, :, : one.values.shape[1]], on[k] = one.values, one.on
-    start = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
-    strength = np.array([each.strength for each in laws], dtype=np.bool_)
-    follows = np.array([each.follows_step for each in laws], dtype=np.bool_)
-    share = _dashpot_share(law, stiffness, dt)
-    return Laws(parameters, on, start, strength, follows, share, np.array([1.0 / dt]), compiled(laws))
+    for k, rows in enumerate(every):
+        parameters[k, :, : rows.values.shape[1]], on[k] = rows.values, rows.on
+    dashpot_share = np.zeros(len(law))
+    if law.viscosity.any():
+        if (np.isinf(stiffness) & (law.viscosity > 0.0)).any():
+            raise ConfigError(
+                "joints: viscosity needs a finite normal_stiffness, got rigid; give a stiffness"
+            )
+        viscous = law.viscosity / dt
+        finite = np.where(np.isinf(stiffness), 1.0, stiffness)
+        dashpot_share = np.where(viscous > 0.0, viscous / (finite + viscous), 0.0)
+    return Laws(
+        parameters=parameters,
+        on=on,
+        start=law_memory(law, lambda each, values, i: each.initial(values, law.gap[i])),
+        strength=np.array([each.strength for each in laws], dtype=np.bool_),
+        follows_step=np.array([each.follows_step for each in laws], dtype=np.bool_),
+        dashpot_share=dashpot_share,
+        per_second=np.array([1.0 / dt]),
+        functions=compiled(laws),
+    )
 
 
 def every_law(law: GapLaw) -> tuple[LawRows, ...]:
@@ -300,49 +319,13 @@ def every_law(law: GapLaw) -> tuple[LawRows, ...]:
 
 def law_memory(law: GapLaw, memory_of: Callable[[type[Law], Floats, int], Sequence[float]]) -> Floats:
     """Make the memory of the further laws, (L, n, s); `memory_of` takes a law, parameters and a gap."""
-    rows = every_law(law)
-    laws = [find_law(one.law) for one in rows]
+    every = every_law(law)
+    laws = [find_law(rows.law) for rows in every]
     memory = np.zeros((len(laws), len(law), max((len(each.memory) for each in laws), default=0)))
-    for k, (each, one) in enumerate(zip(laws, rows, strict=True)):
-        for i in np.flatnonzero(one.on):
-            memory[k, i, : len(each.memory)] = memory_of(each, one.values[i], int(i))
+    for k, (each, rows) in enumerate(zip(laws, every, strict=True)):
+        for i in np.flatnonzero(rows.on):
+            memory[k, i, : len(each.memory)] = memory_of(each, rows.values[i], int(i))
     return memory
-
-
-def _friction(mu: Floats) -> Floats:
-    """Coefficients of friction by the friction law, (n, 2); valid while no further law changes them."""
-    rows, which = np.unique(mu, axis=0, return_inverse=True)
-    limits = np.zeros((len(rows), ENTRIES))
-    for row, limit in zip(rows, limits, strict=True):
-        Coulomb.limit(row, np.zeros(0), np.zeros(STEP_ENTRIES), limit)
-    return limits[which.reshape(-1), MU_J : MU_K + 1]
-
-
-def _dashpot_share(law: GapLaw, stiffness: Floats, dt: float) -> Floats:
-    if not law.viscosity.any():
-        return np.zeros(len(law))
-    if (np.isinf(stiffness) & (law.viscosity > 0.0)).any():
-        raise ConfigError("joints: viscosity needs a finite normal_stiffness, got rigid; give a stiffness")
-    viscous = law.viscosity / dt
-    finite = np.where(np.isinf(stiffness), 1.0, stiffness)
-    return np.where(viscous > 0.0, viscous / (finite + viscous), 0.0)
-
-
-def _check_stiffness(K_n: Floats, K_nz: Floats, mu: Floats) -> None:
-    soft = ~(K_n > 0.0)  # True for NaN
-    if soft.any():
-        i = int(np.argmax(soft))
-        raise ConfigError(
-            f"joints: normal_stiffness must be above 0, got {K_n[i]:.4g} N/m at gap {i}; give a stiffness or "
-            "rigid, or leave the joint out where the blocks never touch"
-        )
-    wrong = (K_nz > K_n) | ((K_nz == K_n) & (mu.max(axis=1, initial=0.0) > 0.0))
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        raise ConfigError(
-            "joints: tension_stiffness must be below normal_stiffness (at most equal without friction), "
-            f"got {K_nz[i]:.4g} N/m against {K_n[i]:.4g} N/m at gap {i}; lower tension_stiffness"
-        )
 
 
 def _dual(W: Floats) -> Floats:

@@ -92,14 +92,11 @@ def put_limit(laws: Laws, history: Floats, i: int, step: Floats, limit: Floats) 
     for entry in range(len(limit)):
         limit[entry] = 0.0
     for k in range(len(laws.on)):
-        if laws.on[k, i] and _call_limit(laws, k, i, history, step, limit) == FAILED:
-            return k + 1
+        if laws.on[k, i]:
+            outcome = laws.functions.limit[k](laws.parameters[k, i], history[k, i], step, limit)
+            if outcome == FAILED:
+                return k + 1
     return 0
-
-
-@njit(cache=True, inline="always")
-def _call_limit(laws: Laws, k: int, i: int, history: Floats, step: Floats, limit: Floats) -> int:
-    return laws.functions.limit[k](laws.parameters[k, i], history[k, i], step, limit)
 
 
 @njit(cache=True)
@@ -160,12 +157,12 @@ def refuse_failed_law(problem: GapProblem, memory: GapMemory) -> None:
         raise ConvergenceError(f"initial state: {failed}")
 
 
-def failed_law(laws: Laws | None, memory: GapMemory, place: str) -> str:
+def failed_law(laws: Laws | None, memory: GapMemory, gap: str) -> str:
     """Write the message about a law that failed: which law, where and why; empty if none failed.
 
     Parameters
     ----------
-    place : the gap of `memory.failure`, as the message is to name it
+    gap : that of `memory.failure`, as the message is to name it
     """
     failure = memory.failure
     if laws is None or failure.law == 0:
@@ -180,7 +177,7 @@ def failed_law(laws: Laws | None, memory: GapMemory, place: str) -> str:
     except Exception as error:  # whatever a user's function raises
         reason = f"raises {type(error).__name__} ({error})"
     return (
-        f"{name} of law {source_of(law).name} {reason} at {place}, with parameters {parameters.tolist()} and "
+        f"{name} of law {source_of(law).name} {reason} at {gap}, with parameters {parameters.tolist()} and "
         f"memory {trial.tolist()}; its functions must answer for every state of a gap"
     )
 

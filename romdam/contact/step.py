@@ -41,7 +41,8 @@ def solve_gaps(
     closed: NDArray[np.bool_],
     w_free: Floats,
     y: Floats,
-    control: tuple[float, bool],
+    tolerance: float,
+    steady: bool,
 ) -> float:
     """Solve the gap-space problem of one step; the history is not moved.
 
@@ -51,7 +52,8 @@ def solve_gaps(
     closed : (n,) gaps that were closed at the step's start, the warm start
     w_free : (N,) jumps for no joint force, without the initial gap; overwritten [m]
     y : (N,) receives the problem's residual displacements [m]
-    control : (relative tolerance, whether to give up as soon as a gap opens or closes)
+    tolerance : allowed relative residual
+    steady : whether to give up as soon as a gap opens or closes
 
     Returns
     -------
@@ -80,14 +82,13 @@ def solve_gaps(
     for b in range(len(w_free)):
         w_free[b] += problem.theta_ratio[b] * memory.spring[b]
     begin_step(problem.laws, memory, w_free)
-    tolerance, steady = control
     for _ in range(memory.trial.size + 1):  # once, unless gaps give something up, each entry once at most
         set_limits(problem.laws, problem.whole, memory)
         if memory.failure.law > 0:
             return np.inf
         for solution in range(_MOST_LIMITS):  # one, unless limits follow the step
             bond_forces(problem.laws, problem, memory, w_free, 1.0)
-            residual = _solve(problem, memory, closed, w_free, y, control)
+            residual = _solve(problem, memory, closed, w_free, y, tolerance, steady)
             bond_forces(problem.laws, problem, memory, w_free, -1.0)
             if not residual <= tolerance:
                 return residual
@@ -112,30 +113,34 @@ def _transform(by: Floats, jumps: Floats) -> None:
     copy(by @ jumps, jumps)
 
 
-def _without_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
+def _without_friction(
+    problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, tolerance: Any, steady: Any
+) -> Any:
     """Solve by pivoting, which gets what it reads: each array more to pass is seven words at every step."""
     force, failure, solver = memory.force, memory.failure, memory.solver
-    tolerance, steady = control
     return solve_unilateral(
         problem.W, problem.Z, force, failure, solver, closed, y_free, y, tolerance, steady
     )
 
 
-def _with_friction(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
-    tolerance, steady = control
+def _with_friction(
+    problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, tolerance: Any, steady: Any
+) -> Any:
     return solve_frictional(problem, memory, closed, y_free, y, tolerance, steady)
 
 
 _SOLVERS = {PivotingState: _without_friction, FrictionalState: _with_friction}
 
 
-def _solve(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
+def _solve(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, tolerance: Any, steady: Any) -> Any:
     """Solve for the present limits, by the solver whose state the memory holds."""
-    return _SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, control)
+    return _SOLVERS[type(memory.solver)](problem, memory, closed, y_free, y, tolerance, steady)
 
 
 @overload(_solve, jit_options=CALLED)
-def _compiled_solve(problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, control: Any) -> Any:
+def _compiled_solve(
+    problem: Any, memory: Any, closed: Any, y_free: Any, y: Any, tolerance: Any, steady: Any
+) -> Any:
     """Compile the solver that the type of the memory asks for, and no other."""
     return _SOLVERS[memory[memory.fields.index("solver")].instance_class]
 
@@ -220,7 +225,7 @@ def _commit_with_laws(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) -> tuple[float, float]:
-    """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding."""
+    """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding [J]."""
     jump, force, state, n = gaps.jump, gaps.traction, gaps.state, len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
@@ -240,45 +245,34 @@ def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) ->
         if d == 3:
             p = min(p_c, memory.force[b]) + memory.limits.tension[i]
             limit_j, limit_k = shear_limits(memory.limits, i, p)
-            held, slid = _shear(problem, memory, (y, jump, force), (limit_j, limit_k), i)
+            held, slid, taken, ratio = 0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]
+            compliance = problem.compliance[3 * i + SHEAR_J] / (1.0 + ratio)
+            for a in range(2):
+                c = 3 * i + SHEAR_J + a
+                t, rest, old = memory.force[c], memory.accumulated_slip[i, a], jump[i, SHEAR_J + a]
+                jump[i, SHEAR_J + a] = y[c] + rest - problem.compliance[c] * t - ratio * memory.spring[c]
+                force[i, SHEAR_J + a] = t
+                if ratio > 0.0:
+                    force[i, SHEAR_J + a] = (rest - jump[i, SHEAR_J + a]) / compliance
+                    taken += 0.5 * memory.spring[c] ** 2 / compliance - t * (jump[i, SHEAR_J + a] - old)
+            if ratio > 0.0:
+                t_j, t_k, _ = project_shear(force[i, SHEAR_J], force[i, SHEAR_K], limit_j, limit_k)
+                force[i, SHEAR_J], force[i, SHEAR_K] = t_j, t_k
+            for a in range(2):
+                c = 3 * i + SHEAR_J + a
+                strain = -compliance * force[i, SHEAR_J + a]
+                moved = (
+                    y[c] if ratio == 0.0 else jump[i, SHEAR_J + a] - strain - memory.accumulated_slip[i, a]
+                )
+                memory.spring[c] = strain
+                memory.accumulated_slip[i, a] += moved
+                held += 0.5 * compliance * force[i, SHEAR_J + a] ** 2
+                slid -= memory.force[c] * moved
+            if ratio > 0.0:
+                slid = min(max(slid, 0.0), taken - held)
             stored += held
             lost += slid
             gaps.dissipated_energy[i] += slid
             if p > 0.0 and slides(limit_j, limit_k, force[i, SHEAR_J], force[i, SHEAR_K]):
                 state[i] = SLIP
     return stored, lost
-
-
-@njit(cache=True, inline="always")
-def _shear(
-    problem: GapProblem,
-    memory: GapMemory,
-    vectors: tuple[Floats, Floats, Floats],
-    limits: tuple[float, float],
-    i: int,
-) -> tuple[float, float]:
-    """Slip, shear, springs and accumulated slip of gap i; energy in the springs, and taken by sliding."""
-    y, jump, force = vectors
-    stored, slid, taken, ratio = 0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]
-    compliance = problem.compliance[3 * i + SHEAR_J] / (1.0 + ratio)
-    for a in range(2):
-        b = 3 * i + SHEAR_J + a
-        t, rest, old = memory.force[b], memory.accumulated_slip[i, a], jump[i, SHEAR_J + a]
-        jump[i, SHEAR_J + a] = y[b] + rest - problem.compliance[b] * t - ratio * memory.spring[b]
-        force[i, SHEAR_J + a] = t
-        if ratio > 0.0:
-            force[i, SHEAR_J + a] = (rest - jump[i, SHEAR_J + a]) / compliance
-            taken += 0.5 * memory.spring[b] ** 2 / compliance - t * (jump[i, SHEAR_J + a] - old)
-    if ratio > 0.0:
-        limit_j, limit_k = limits
-        t_j, t_k, _ = project_shear(force[i, SHEAR_J], force[i, SHEAR_K], limit_j, limit_k)
-        force[i, SHEAR_J], force[i, SHEAR_K] = t_j, t_k
-    for a in range(2):
-        b = 3 * i + SHEAR_J + a
-        strain = -compliance * force[i, SHEAR_J + a]
-        moved = y[b] if ratio == 0.0 else jump[i, SHEAR_J + a] - strain - memory.accumulated_slip[i, a]
-        memory.spring[b] = strain
-        memory.accumulated_slip[i, a] += moved
-        stored += 0.5 * compliance * force[i, SHEAR_J + a] ** 2
-        slid -= memory.force[b] * moved
-    return stored, slid if ratio == 0.0 else min(max(slid, 0.0), taken - stored)

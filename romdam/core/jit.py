@@ -48,7 +48,7 @@ log = logging.getLogger(__name__)
 
 _SETTINGS: Any = numba.config
 _KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
-_TOLD = 1.0  # seconds of compiling that are worth a line
+_LONG = 1.0  # seconds of compiling that are worth a line
 _PATIENCE, _LOOK = 300.0, 0.05  # seconds to wait for a process that compiles the same, and between two looks
 _RARELY = (50_000, 20, 20)  # objects made between two looks for garbage; looks before older ones are in them
 _TRIED = (0, 68)  # the numba that `_Linked`, `_Whole` and `_Compiler` were tried with
@@ -141,22 +141,49 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
     def compiled(function: Callable[..., Any]) -> Any:
         if _SETTINGS.DISABLE_JIT:  # to debug
             return function
-        made: Any
+        entry: Any
         try:
-            made = numba.njit(**options)(function)
+            entry = numba.njit(**options)(function)
         except RuntimeError as error:
             if "no locator" not in str(error):
                 raise
-            made = _cached_elsewhere(function, options)
+            # neither the package nor the user's home takes a cache
+            folder = _temporary_cache()
+            with nullcontext() if folder is None else _caching_in(folder):
+                entry = numba.njit(**options | ({"cache": False} if folder is None else {}))(function)
         lock = _Lock()
-        if hasattr(made._cache, "_cache_file"):
-            _guard(made._cache, lock)
-            _stamp(made._cache, Path(function.__code__.co_filename).parent)
-        made.compile = _without_collecting(made.compile, lock)
+        cache, compile_ = entry._cache, entry.compile
+        if hasattr(cache, "_cache_file"):
+            _guard(cache, lock)
+            # numba looks at the file of the function alone; what it calls stands in other files, and those
+            # of a checkout that is brought up to date change one by one
+            index, folder = cache._cache_file, Path(function.__code__.co_filename).parent
+            index._source_stamp = (index._source_stamp, _code_of(folder))
+
+        def compile_without_collecting(signature: Any) -> Any:
+            """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the
+            time. The lock, taken where the cache holds nothing, is held until the code is kept, or failed.
+            """
+            before = gc.get_threshold()
+            gc.set_threshold(*_RARELY)
+            try:
+                return compile_(signature)
+            finally:
+                gc.set_threshold(*before)
+                lock.release()
+
+        entry.compile = compile_without_collecting
         if CALLED:
             called = numba.njit(**options | CALLED | {"cache": False})(function)
-            made.get_call_template, made.get_overload = _template(called), called.get_overload
-        return made
+
+            def template(args: Any, kws: Any) -> Any:
+                """Types of calls, one for all values: numba would compile it for 0 and for integers."""
+                literal = (types.Literal, types.Tuple)
+                plain = [types.unliteral(kind) if isinstance(kind, literal) else kind for kind in args]
+                return called.get_call_template(plain, kws)
+
+            entry.get_call_template, entry.get_overload = template, called.get_overload
+        return entry
 
     return compiled
 
@@ -189,44 +216,6 @@ class _Lock:
             os.close(descriptor)
             with suppress(OSError):
                 path.unlink()
-
-
-def _without_collecting(compile_: Callable[[Any], Any], lock: _Lock) -> Callable[[Any], Any]:
-    """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the time.
-
-    The lock is taken where the cache holds nothing, and is held until what was compiled is kept, or failed.
-    """
-
-    def compiled(signature: Any) -> Any:
-        before = gc.get_threshold()
-        gc.set_threshold(*_RARELY)
-        try:
-            return compile_(signature)
-        finally:
-            gc.set_threshold(*before)
-            lock.release()
-
-    return compiled
-
-
-def _template(called: Any) -> Callable[[Any, Any], Any]:
-    """Types of calls of a function, one for all values: numba would compile it for 0 and for integers."""
-
-    def template(args: Any, kws: Any) -> Any:
-        tuples_too = (types.Literal, types.Tuple)
-        plain = [types.unliteral(kind) if isinstance(kind, tuples_too) else kind for kind in args]
-        return called.get_call_template(plain, kws)
-
-    return template
-
-
-def _cached_elsewhere(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Compile with a cache where one can be, where neither the package nor the user's home takes one."""
-    folder = _temporary_cache()
-    if folder is None:
-        return numba.njit(**options | {"cache": False})(function)
-    with _caching_in(folder):
-        return numba.njit(**options)(function)
 
 
 @contextmanager
@@ -290,15 +279,6 @@ def _temporary_cache() -> Path | None:
     return folder
 
 
-def _stamp(cache: Any, folder: Path) -> None:
-    """Make a cache of other code count as empty: numba asks for the function's own file alone.
-
-    What it calls stands in other files, and those of a checkout that is brought up to date change one by one.
-    """
-    index = cache._cache_file
-    index._source_stamp = (index._source_stamp, _code_of(folder))
-
-
 @functools.cache
 def _code_of(folder: Path) -> str:
     """SHA-256 of what compiled functions of a folder may call: its files, and all of _KERNELS."""
@@ -316,26 +296,26 @@ def _guard(cache: Any, lock: _Lock) -> None:
     name of the index, so each keeps alone.
     """
     load, save = cache.load_overload, cache.save_overload
-    asked, watch = [0.0], [threading.Timer(_TOLD, _say_compiling)]
+    asked, watch = [0.0], [threading.Timer(_LONG, _say_compiling)]
 
-    def read(*place: Any) -> Any:
+    def read(*key: Any) -> Any:
         try:
-            return load(*place)
+            return load(*key)
         except Exception as error:  # whatever unpickling raises of a damaged file, or of another numba's
             log.info("%s: compiled functions cannot be read (%s); compiling again", cache.cache_path, error)
             with suppress(OSError):
                 cache.flush()
             return None
 
-    def load_overload(*place: Any) -> Any:
+    def load_overload(*key: Any) -> Any:
         asked[0] = time.perf_counter()
-        kept = read(*place)
+        kept = read(*key)
         if kept is None:
-            watch[0] = threading.Timer(_TOLD, _say_compiling)
+            watch[0] = threading.Timer(_LONG, _say_compiling)
             watch[0].daemon = True
             watch[0].start()
-            lock.take(cache, place[0])
-            kept = read(*place)
+            lock.take(cache, key[0])
+            kept = read(*key)
             if kept is not None:
                 watch[0].cancel()
         return kept
@@ -343,7 +323,7 @@ def _guard(cache: Any, lock: _Lock) -> None:
     def save_overload(*compiled: Any) -> None:
         watch[0].cancel()
         seconds = time.perf_counter() - asked[0]
-        if seconds > _TOLD:
+        if seconds > _LONG:
             log.info("compiled in %.0f s", seconds)
         try:
             cache._impl.locator.ensure_cache_path()

@@ -113,7 +113,7 @@ class GapLaw:
         """Tell whether grouting left slip behind, or broke what further laws keep."""
         return bool(len(self.slipped) or self.memory.size)
 
-    def place(self, gap: int) -> str:
+    def gap_name(self, gap: int) -> str:
         """A gap by its number within its joint, for messages."""
         for name, gaps in self.joints.items():
             if gaps.start <= gap < gaps.stop:
@@ -190,12 +190,12 @@ class Drive(Protocol):
         """
         ...
 
-    def drive(self, given: Histories, dt: float, rates: Rates) -> Histories:
+    def drive(self, histories: Histories, dt: float, rates: Rates) -> Histories:
         """Add its motions.
 
         Parameters
         ----------
-        given : the base's acceleration at least
+        histories : the base's acceleration at least
         rates : of the integrator
         """
         ...
@@ -315,10 +315,10 @@ class System:
         ground : (rows, nt), see `romdam.core.motion.ground_rows`
         rates : of the integrator
         """
-        made = Histories(self._given(ground))
+        histories = Histories(self._ground_motions(ground))
         for drive in self.drives:
-            made = drive.drive(made, dt, rates)
-        return made
+            histories = drive.drive(histories, dt, rates)
+        return histories
 
     def followed(self, rows: Mapping[Motion, Floats]) -> Floats:
         """(k, nt) what the columns of the load follow."""
@@ -326,19 +326,19 @@ class System:
 
     def inertial(self, ground: Floats) -> Floats:
         """(k, nt) what the columns of the load follow where nothing drives the system besides."""
-        return self.followed(self._given(ground))
+        return self.followed(self._ground_motions(ground))
 
-    def _given(self, ground: Floats) -> dict[Motion, Floats]:
+    def _ground_motions(self, ground: Floats) -> dict[Motion, Floats]:
         supports = 0 if self.pseudo_static is None else len(self.pseudo_static.motions)
         return {motion: ground[rows] for motion, rows in ground_rows(supports).items()}
 
     def loaded(self, more: Mapping[Motion, Floats | csr_matrix]) -> System:
         """The system with further loads, (n, k) each, added to those that follow the same motion."""
-        columns = {motion: self.load[:, own] for motion, own in self.motions.items()}
+        columns = {motion: self.load[:, columns] for motion, columns in self.motions.items()}
         for motion, force in more.items():
             columns[motion] = columns[motion] + force if motion in columns else force
         ends = np.cumsum([0, *(force.shape[1] for force in columns.values())]).tolist()
-        motions = {one: slice(*pair) for one, pair in zip(columns, pairwise(ends), strict=True)}
+        motions = {motion: slice(*pair) for motion, pair in zip(columns, pairwise(ends), strict=True)}
         sparse = any(issparse(force) for force in columns.values())
         load = csr_matrix(hstack(list(columns.values()))) if sparse else np.hstack(list(columns.values()))
         return replace(self, load=load, motions=motions)

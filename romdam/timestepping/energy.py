@@ -40,7 +40,7 @@ def ledger(
     work_in, damping, joint_work, friction, stored = (works[name] for name in ENERGIES.names or ())
     contact = -joint_work - (stored - stored[0]) - friction
     change = (kinetic - kinetic[0]) + (strain - strain[0])
-    own = {} if numerical is None else {"numerical": numerical}
+    of_scheme = {} if numerical is None else {"numerical": numerical}
     taken = damping if numerical is None else damping + numerical
     return {
         "input": work_in,
@@ -50,7 +50,7 @@ def ledger(
         "damping": damping,
         "friction": friction,
         "contact": contact,
-        **own,
+        **of_scheme,
         "residual": change + taken - joint_work - work_in,
     }
 

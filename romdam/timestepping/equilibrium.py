@@ -19,7 +19,7 @@ at rest every law holds exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,6 +80,11 @@ class GapState:
         """(n, d) force on side J of contact and of that water [N]."""
         return with_water(self.force, self.water)
 
+    @property
+    def yielding_force(self) -> Floats:
+        """(n, d) the solver's force with that water, to which the proximal compliance yields [N]."""
+        return with_water(self.p_c.reshape(self.jump.shape), self.water)
+
     def recorded(self) -> GapArrays:
         """What a run that starts here records of the gaps at its start."""
         arrays = new_gap_arrays(*self.jump.shape)
@@ -97,10 +102,14 @@ def with_water(force: Floats, water: Floats) -> Floats:
 
 
 def system_gap_problem(
-    system: System, H: Floats, dt: float = np.inf, most_ratio: float = 0.0, own: Floats | None = None
+    system: System,
+    H: Floats,
+    dt: float = np.inf,
+    most_ratio: float = 0.0,
+    single_flexibility: Floats | None = None,
 ) -> GapProblem:
-    """Make the gap-space problem for one flexibility H; for the step see `romdam.contact.problem`."""
-    return gap_problem(H, system.law, (dt, most_ratio), own)
+    """Make the gap-space problem for one flexibility H; see `romdam.contact.problem.gap_problem`."""
+    return gap_problem(H, system.law, dt, most_ratio, single_flexibility)
 
 
 def take_over(memory: GapMemory, gaps: GapState) -> None:
@@ -134,6 +143,7 @@ def undeformed(system: System) -> tuple[Floats, GapState]:
 
 
 def _unloaded(system: System) -> tuple[Floats, GapState]:
+    """Zero displacement (n,), and the gaps with their initial openings and slips, without force."""
     law = system.law
     n, d = len(law), law.directions
     jump = np.zeros((n, d))
@@ -144,6 +154,12 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
     if d == 3 and len(law.slipped):
         slipped = law.slipped.copy()
     stiffness = np.where(law.gap < 0.0, np.where(np.isinf(law.K_n), 0.0, law.K_n), law.K_nz)
+    water: Floats = np.zeros(0)
+    if law.has_memory:  # laws may put water into gaps that carry no load
+        problem = system_gap_problem(system, np.zeros((n * d, n * d)))
+        memory = gap_memory(problem)
+        put_limits(problem, memory)
+        water = memory.water
     empty = GapState(
         jump=jump,
         force=np.zeros((n, d)),
@@ -152,7 +168,7 @@ def _unloaded(system: System) -> tuple[Floats, GapState]:
         accumulated_slip=slipped,
         stored=float((0.5 * stiffness * law.gap**2).sum()),
         history=law.memory.copy(),
-        water=_water_at_start(system) if law.has_memory else np.zeros(0),
+        water=water,
     )
     return np.zeros(system.size), empty
 
@@ -170,15 +186,6 @@ def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapSt
         ("initial", static, tolerance if static else 0.0),
         lambda: static_equilibrium(system, tolerance) if static else undeformed(system),
     )
-
-
-def _water_at_start(system: System) -> Floats:
-    """Force of the water that laws put into the unloaded gaps (ng,), empty without any [N]."""
-    N = len(system.law) * system.law.directions
-    problem = system_gap_problem(system, np.zeros((N, N)))
-    memory = gap_memory(problem)
-    put_limits(problem, memory)
-    return memory.water
 
 
 def resumed(system: System, start: Start) -> GapState:
@@ -229,7 +236,7 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         where there is no equilibrium (a block that the joints cannot hold), or the gaps do not converge.
     """
     least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
-    step, (q, gaps) = _proximal_step(system, least), _unloaded(system)
+    step, (q, gaps) = _ProximalStep.factored(system, least), _unloaded(system)
     memory = gap_memory(step.problem)
     if system.law.remembers:
         take_over(memory, gaps)
@@ -237,25 +244,27 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         if iteration == _DOUBTFUL:
             _refuse_collapse(system, step.problem)
         free = step.factor.solve(system.force + step.shift * (system.M @ q))
-        hasty = step.shift < _MOST_SHIFT
+        shift, hasty = step.shift, step.shift < _MOST_SHIFT
         try:
-            gaps, unsettled = _solve_step(step, memory, gaps, np.asarray(system.B @ free), (tolerance, hasty))
+            gaps, unsettled = step.solve(memory, gaps, np.asarray(system.B @ free), tolerance, hasty)
         except ConvergenceError:
             if not hasty:
                 _refuse_collapse(system, step.problem)
                 raise
-            calm, step = 0, _proximal_step(system, max(_GROWTH * step.shift, _SHIFT))
-            memory = _afresh(memory, gaps)
-            continue
-        moved = free + step.X @ gaps.acting.ravel() - q
-        q, calm = q + moved, calm + 1
-        slowed = max(step.shift / _SHIFT, 1.0)
-        rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * max(np.abs(q).max(), _NO_MOTION)
-        if rests and unsettled <= rest and _keeps_water(step.problem, memory, gaps):
-            return q, gaps
-        if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
-            step = _proximal_step(system, max(_SHRINK * step.shift, least, _SHIFT))
-            memory = _afresh(memory, gaps)
+            calm, shift = 0, max(_GROWTH * step.shift, _SHIFT)
+        else:
+            moved = free + step.X @ gaps.acting.ravel() - q
+            q, calm = q + moved, calm + 1
+            slowed, size = max(step.shift / _SHIFT, 1.0), max(np.abs(q).max(), _NO_MOTION)
+            rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * size
+            if rests and unsettled <= rest and _keeps_water(step.problem, memory, gaps):
+                return q, gaps
+            if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
+                shift = max(_SHRINK * step.shift, least, _SHIFT)
+        if shift != step.shift:  # another flexibility: go on from the last state with a fresh solver
+            step = _ProximalStep.factored(system, shift)
+            memory.force[:] = gaps.p_c
+            memory = memory._replace(solver=solver_state(len(gaps.jump), gaps.jump.shape[1] > 1))
     if not _keeps_water(step.problem, memory, gaps):
         raise ConvergenceError(
             f"initial state: after {_MAX_ITERATIONS} iterations gaps still open and close with the water "
@@ -298,8 +307,18 @@ def _refuse_collapse(system: System, problem: GapProblem) -> None:
     )
 
 
-class _ProximalStep(NamedTuple):
-    """K + shift M factored, what it makes of B^T, the gap-space problem, its proximal compliance [m/N]."""
+@dataclass(frozen=True)
+class _ProximalStep:
+    """One step of the iteration.
+
+    Attributes
+    ----------
+    shift : s [1/s2]
+    factor : of K + s M
+    X : (n, N) (K + s M)^-1 B^T
+    problem : of the gaps, W with the proximal compliance on its diagonal
+    compliance : c, 0 where W is not singular [m/N]
+    """
 
     shift: float
     factor: Factor
@@ -307,48 +326,43 @@ class _ProximalStep(NamedTuple):
     problem: GapProblem
     compliance: float
 
+    @classmethod
+    def factored(cls, system: System, shift: float) -> Self:
+        """Factor K + s M, and make the gaps' problem."""
+        factor = Factor(system.K + shift * system.M)
+        X = factor.solve(system.B.T.toarray())
+        problem = system_gap_problem(system, np.asarray(system.B @ X))
+        diagonal, compliance = problem.W.diagonal(), 0.0
+        if len(problem.slip) and not (problem.compliance >= _SINGULAR * diagonal).all():
+            try:  # do gaps with shear, rigid or nearly, determine each other?
+                np.linalg.cholesky(problem.W - np.diag(_SINGULAR * diagonal))
+            except np.linalg.LinAlgError:
+                compliance = _YIELDING * float(diagonal.mean())
+        if compliance > 0.0:
+            problem = problem._replace(W=problem.W + compliance * np.eye(len(problem.W)))
+        return cls(shift, factor, X, problem, compliance)
 
-def _proximal_step(system: System, shift: float) -> _ProximalStep:
-    factor = Factor(system.K + shift * system.M)
-    X = factor.solve(system.B.T.toarray())
-    problem = system_gap_problem(system, np.asarray(system.B @ X))
-    compliance = _YIELDING * float(problem.W.diagonal().mean()) if _is_singular(problem) else 0.0
-    if compliance > 0.0:
-        problem = problem._replace(W=problem.W + compliance * np.eye(len(problem.W)))
-    return _ProximalStep(shift, factor, X, problem, compliance)
+    def solve(
+        self, memory: GapMemory, gaps: GapState, w_free: Floats, tolerance: float, hasty: bool
+    ) -> tuple[GapState, float]:
+        """Solve for the gaps; and how far the proximal compliance still gives, of the largest jump.
 
-
-def _is_singular(problem: GapProblem) -> bool:
-    """Tell whether gaps with shear, rigid or nearly, determine each other."""
-    diagonal = problem.W.diagonal()
-    if not len(problem.slip) or (problem.compliance >= _SINGULAR * diagonal).all():
-        return False
-    try:
-        np.linalg.cholesky(problem.W - np.diag(_SINGULAR * diagonal))
-    except np.linalg.LinAlgError:
-        return True
-    return False
-
-
-def _solve_step(
-    step: _ProximalStep, memory: GapMemory, gaps: GapState, w_free: Floats, control: tuple[float, bool]
-) -> tuple[GapState, float]:
-    """Solve for the gaps; and how far the proximal compliance still gives, of the largest jump."""
-    if step.compliance == 0.0:
-        return _solve(step.problem, memory, w_free, control), 0.0
-    last = _with_own_water(gaps)
-    new = _solve(step.problem, memory, w_free - step.compliance * last.ravel(), control)
-    gives = step.compliance * (_with_own_water(new) - last)
-    jump = new.jump - gives
-    slip = jump[:, 1:] + step.problem.compliance.reshape(jump.shape)[:, 1:] * new.force[:, 1:]
-    memory.accumulated_slip[:] = slip
-    share = float(np.abs(gives).max() / max(np.abs(jump).max(), 1e-300))
-    return replace(new, jump=jump, accumulated_slip=slip), share
-
-
-def _with_own_water(gaps: GapState) -> Floats:
-    """The solver's forces (n, d) with the water that entered the gaps: what the compliance gives by [N]."""
-    return with_water(gaps.p_c.reshape(gaps.jump.shape), gaps.water)
+        Parameters
+        ----------
+        gaps : of the last iteration
+        w_free : (N,) jumps without joint force [m]
+        hasty : whether to give up where Newton does not converge
+        """
+        if self.compliance == 0.0:
+            return _solve(self.problem, memory, w_free, tolerance, hasty), 0.0
+        last = gaps.yielding_force
+        new = _solve(self.problem, memory, w_free - self.compliance * last.ravel(), tolerance, hasty)
+        gives = self.compliance * (new.yielding_force - last)
+        jump = new.jump - gives
+        slip = jump[:, 1:] + self.problem.compliance.reshape(jump.shape)[:, 1:] * new.force[:, 1:]
+        memory.accumulated_slip[:] = slip
+        share = float(np.abs(gives).max() / max(np.abs(jump).max(), 1e-300))
+        return replace(new, jump=jump, accumulated_slip=slip), share
 
 
 def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:
@@ -358,24 +372,17 @@ def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool
     return bool(np.array_equal(memory.water, gaps.water))
 
 
-def _afresh(memory: GapMemory, gaps: GapState) -> GapMemory:
-    """The memory of the last state reached, for another flexibility."""
-    n, d = gaps.jump.shape
-    memory.force[:] = gaps.p_c
-    return memory._replace(solver=solver_state(n, d > 1))
-
-
-def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, control: tuple[float, bool]) -> GapState:
-    """Solve for the gaps; `control`: the tolerance, and whether to give up where Newton does not converge."""
-    (tolerance, hasty), n, N = control, len(problem.gap), len(problem.W)
+def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: float, hasty: bool) -> GapState:
+    """Solve for the gaps; `hasty`: whether to give up where Newton does not converge."""
+    n, N = len(problem.gap), len(problem.W)
     make_hasty(memory.solver, hasty)
     d = N // n if n else 1  # a scene of grown-together blocks has no gaps
     y = np.zeros(N)
     forget_product(memory.solver)
     closed = memory.force[::d] > 0.0
-    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (min(tolerance, _TIGHT), False))
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, min(tolerance, _TIGHT), False)
     if not residual <= _TIGHT:  # round-off forbids as much: take what was asked
-        residual = solve_gaps(problem, memory, closed, w_free, y, (tolerance, False))
+        residual = solve_gaps(problem, memory, closed, w_free, y, tolerance, False)
     refuse_failed_law(problem, memory)
     if not residual <= tolerance:
         raise ConvergenceError(

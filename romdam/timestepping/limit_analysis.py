@@ -68,15 +68,23 @@ def find_collapse(system: System, problem: GapProblem) -> Collapse | None:
     if moving is None:
         return None
     size = {name: np.abs(moving[names == name]).max(initial=0.0) for name in system.parts}
-    parts = tuple(name for name, own in size.items() if own > _STILL * max(size.values()))
+    parts = tuple(name for name, moves in size.items() if moves > _STILL * max(size.values()))
     if motions.shape[1] == len(limits.tension):  # frictionless: no normal force of either sign balances it
-        kind = "slides" if _leaves(motions, loads) else None
+        left = loads - motions @ np.linalg.lstsq(motions, loads, rcond=None)[0]
+        slides = bool(np.abs(left).max() > _BALANCED * np.abs(loads).max())
     else:
         stuck = limits._replace(cohesion=np.full_like(limits.cohesion, np.inf))
-        kind = "slides" if _mechanism(motions, loads, stuck, 1.0) is None else None
-        limits = limits if kind else stuck
-    if kind == "slides":
-        return Collapse("slides", _needed_strength(motions, loads, limits), parts)
+        slides = _mechanism(motions, loads, stuck, 1.0) is None
+        limits = limits if slides else stuck
+    if slides:
+        if _mechanism(motions, loads, limits, _MOST) is not None:
+            return Collapse("slides", np.inf, parts)
+        low, high = 1.0, _MOST
+        for _ in range(_HALVINGS):  # of the factor on the shear strength that would do
+            middle = float(np.sqrt(low * high))
+            holds = _mechanism(motions, loads, limits, middle) is None
+            low, high = (low, middle) if holds else (middle, high)
+        return Collapse("slides", high, parts)
     shifts = np.asarray(R.T @ system.load)[:, system.motions[Motion.BASE]]
     shifts = np.hstack([np.where((names == name)[:, None], shifts, 0.0) for name in system.parts])
     held = _mechanism(shifts.T @ motions, shifts.T @ loads, limits, 1.0) is None
@@ -88,46 +96,24 @@ def _rigid_motions(system: System) -> tuple[csr_matrix, NDArray[np.str_]]:
     columns, names = [csr_matrix((system.size, 0))], list[str]()
     k, mass = system.K.diagonal(), system.M.diagonal()
     for name, part in system.parts.items():
+        size = part.stop - part.start
         if system.diagonal:
-            own = (k[part] <= _RIGID * k.max(initial=0.0)) & (mass[part] > 0.0)
-            motions = np.eye(len(own))[:, own]
-        else:
-            motions = _null_space(csr_matrix(system.K[part, part]), csr_matrix(system.M[part, part]))
-        before, after = part.start, system.size - part.stop
-        columns.append(csr_matrix(np.pad(motions, ((before, after), (0, 0)))))
+            rigid = (k[part] <= _RIGID * k.max(initial=0.0)) & (mass[part] > 0.0)
+            motions = np.eye(size)[:, rigid]
+        elif size == 0 or not mass[part].any():
+            motions = np.zeros((size, 0))
+        else:  # by inverse iteration of a block
+            K, M = csr_matrix(system.K[part, part]), csr_matrix(system.M[part, part])
+            shifted = csr_matrix(K + _HELD_BY_MASS * M)
+            factor = Factor(shifted)
+            X = np.random.default_rng(0).standard_normal((size, min(2 * _RIGID_MOTIONS, size)))
+            for _ in range(_ROUNDS):
+                X = np.linalg.qr(factor.solve(M @ X))[0]
+            share, V = eigh(X.T @ (K @ X), X.T @ (shifted @ X))
+            motions = np.asarray(X @ V[:, share < _STRAINED])
+        columns.append(csr_matrix(np.pad(motions, ((part.start, system.size - part.stop), (0, 0)))))
         names += [name] * motions.shape[1]
     return csr_matrix(hstack(columns)), np.array(names, dtype=np.str_)
-
-
-def _null_space(K: csr_matrix, M: csr_matrix) -> Floats:
-    """Rigid motions among the unknowns of one part, (n, r), by inverse iteration of a block."""
-    if K.shape[0] == 0 or not M.diagonal().any():
-        return np.zeros((K.shape[0], 0))
-    shifted = csr_matrix(K + _HELD_BY_MASS * M)
-    factor = Factor(shifted)
-    X = np.random.default_rng(0).standard_normal((K.shape[0], min(2 * _RIGID_MOTIONS, K.shape[0])))
-    for _ in range(_ROUNDS):
-        X = np.linalg.qr(factor.solve(M @ X))[0]
-    share, V = eigh(X.T @ (K @ X), X.T @ (shifted @ X))
-    return np.asarray(X @ V[:, share < _STRAINED])
-
-
-def _needed_strength(motions: Floats, loads: Floats, limits: Limits) -> float:
-    """Least factor on the shear strength that would do; inf for more than `_MOST`."""
-    low, high = 1.0, _MOST
-    if _mechanism(motions, loads, limits, high) is not None:
-        return np.inf
-    for _ in range(_HALVINGS):
-        middle = float(np.sqrt(low * high))
-        holds = _mechanism(motions, loads, limits, middle) is None
-        low, high = (low, middle) if holds else (middle, high)
-    return high
-
-
-def _leaves(motions: Floats, loads: Floats) -> bool:
-    """Tell whether loads move what no jump of the gaps sees."""
-    left = loads - motions @ np.linalg.lstsq(motions, loads, rcond=None)[0]
-    return bool(np.abs(left).max() > _BALANCED * np.abs(loads).max())
 
 
 def _mechanism(motions: Floats, loads: Floats, limits: Limits, factor: float) -> Floats | None:
@@ -149,32 +135,27 @@ def _mechanism(motions: Floats, loads: Floats, limits: Limits, factor: float) ->
     rest = (loads - pulled) / size
     A = csr_matrix(np.vstack([np.hstack([motions, left]), np.hstack([-motions, left])]))
     b, bounds = np.concatenate([-rest, rest]), [(0.0, None), *[(None, None)] * (d - 1)] * n + [(0.0, None)]
-    if d == 3:
-        cone, most = _cone(limits, factor, size)
-        A, b = vstack([A, cone], format="csr"), np.concatenate([b, most])
+    if d == 3:  # n . t <= factor (c + mu p_n) for every side's normal n
+        mu, cohesion = limits.mu, limits.cohesion
+        disc = (mu[:, ALONG_J] == mu[:, ALONG_K]) & (cohesion[:, ALONG_J] == cohesion[:, ALONG_K])
+        numbers, coefficients, most = list[NDArray[np.int64]](), list[Floats](), list[Floats]()
+        for side in range(_SIDES):
+            angle = 2.0 * np.pi * side / _SIDES
+            normal = np.array([np.cos(angle), np.sin(angle)])
+            a = int(abs(normal[ALONG_K]) > abs(normal[ALONG_J]))
+            bounded = (disc | (np.abs(normal).max() > 1.0 - _UPRIGHT)) & np.isfinite(cohesion[:, a])
+            gaps = np.flatnonzero(bounded)
+            numbers.append(gaps)
+            coefficients.append(np.column_stack([-factor * mu[gaps, a], np.tile(normal, (len(gaps), 1))]))
+            most.append(factor * cohesion[gaps, a] / size)
+        gaps, values = np.concatenate(numbers), np.concatenate(coefficients)
+        columns = 3 * gaps[:, None] + np.arange(3)
+        rows = np.repeat(np.arange(len(gaps)), 3)
+        cone = csr_matrix((values.ravel(), (rows, columns.ravel())), shape=(len(gaps), 3 * n + 1))
+        A, b = vstack([A, cone], format="csr"), np.concatenate([b, *most])
     cost = np.append(np.zeros(d * n), 1.0)
-    found = linprog(cost, A_ub=A, b_ub=b, bounds=bounds, method="highs")
-    if not found.success or found.fun <= _BALANCED:
+    optimum = linprog(cost, A_ub=A, b_ub=b, bounds=bounds, method="highs")
+    if not optimum.success or optimum.fun <= _BALANCED:
         return None
-    below, above = found.ineqlin.marginals[: 2 * len(loads)].reshape(2, -1)
+    below, above = optimum.ineqlin.marginals[: 2 * len(loads)].reshape(2, -1)
     return np.asarray(below - above)
-
-
-def _cone(limits: Limits, factor: float, size: float) -> tuple[csr_matrix, Floats]:
-    """Rows and right-hand side of n . t <= factor (c + mu p_n), forces in units of a size [N]."""
-    mu, cohesion = limits.mu, limits.cohesion
-    disc = (mu[:, ALONG_J] == mu[:, ALONG_K]) & (cohesion[:, ALONG_J] == cohesion[:, ALONG_K])
-    rows, most = [], []
-    for side in range(_SIDES):
-        angle = 2.0 * np.pi * side / _SIDES
-        along = np.array([np.cos(angle), np.sin(angle)])
-        a = int(abs(along[ALONG_K]) > abs(along[ALONG_J]))
-        gaps = np.flatnonzero((disc | (np.abs(along).max() > 1.0 - _UPRIGHT)) & np.isfinite(cohesion[:, a]))
-        values = np.column_stack([-factor * mu[gaps, a], np.tile(along, (len(gaps), 1))])
-        rows.append((gaps, values))
-        most.append(factor * cohesion[gaps, a] / size)
-    gaps, values = (np.concatenate([one[i] for one in rows]) for i in range(2))
-    columns = 3 * gaps[:, None] + np.arange(3)
-    number = np.repeat(np.arange(len(gaps)), 3)
-    shape = len(gaps), 3 * len(limits.tension) + 1
-    return csr_matrix((values.ravel(), (number, columns.ravel())), shape=shape), np.concatenate(most)

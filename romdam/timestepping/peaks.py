@@ -40,25 +40,19 @@ def peaks_at_points(
     """
     if jump is at_points:
         return peaks
-    when = {"opening_time": time[at_points[..., NORMAL].argmax(axis=0)]}
-    return (
-        peaks
-        | when
-        | {
-            name: size(at_points).max(axis=0) + peaks[name] - size(jump).max(axis=0)
-            for name, size in (("opening", _opening), ("slip", _slip))
-        }
-    )
-
-
-def _opening(jump: Floats) -> Floats:
-    return jump[..., NORMAL]
-
-
-def _slip(jump: Floats) -> Floats:
+    moved = {"opening": (jump[..., NORMAL], at_points[..., NORMAL])}
     if jump.shape[2] == 1:
-        return np.zeros(jump.shape[:2])
-    return np.asarray(np.hypot(jump[..., SHEAR_J], jump[..., SHEAR_K]))
+        moved["slip"] = np.zeros(jump.shape[:2]), np.zeros(jump.shape[:2])
+    else:
+        moved["slip"] = (
+            np.hypot(jump[..., SHEAR_J], jump[..., SHEAR_K]),
+            np.hypot(at_points[..., SHEAR_J], at_points[..., SHEAR_K]),
+        )
+    raised = dict(peaks)
+    raised["opening_time"] = time[at_points[..., NORMAL].argmax(axis=0)]
+    for name, (seen, at_position) in moved.items():
+        raised[name] = at_position.max(axis=0) + peaks[name] - seen.max(axis=0)
+    return raised
 
 
 def named_peaks(peaks: Record) -> dict[str, Floats]:

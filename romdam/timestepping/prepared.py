@@ -26,8 +26,8 @@ class Prepared:
     cache : factors, mode splits, propagators and flexibilities, by what they depend on beside the system
     merged : the same with equivalent contacts merged, by the components that are shaken; None where they
         differ
-    found : which contacts are equivalent, see `merge_equivalent_contacts`; shared with systems that differ in
-        damping and in their joints' parameters at most
+    symmetries : which contacts are equivalent, see `merge_equivalent_contacts`; shared with systems that
+        differ in damping and in their joints' parameters at most
     symmetry, whole : how this system with merged contacts stands for a whole one, and that one
     """
 
@@ -35,7 +35,7 @@ class Prepared:
     integrator: Integrator
     cache: OperatorCache = field(default_factory=OperatorCache)
     merged: dict[bytes, Prepared | None] = field(default_factory=dict)
-    found: dict[Hashable, Symmetry | None] = field(default_factory=dict)
+    symmetries: dict[Hashable, Symmetry | None] = field(default_factory=dict)
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
 

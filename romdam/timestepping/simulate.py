@@ -11,9 +11,9 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.recorded import GAP_QUANTITIES
-from romdam.core.system import History
+from romdam.core.system import GapLaw, History
 from romdam.timestepping.energy import imbalance
-from romdam.timestepping.integrators.protocol import Integrator, Outcome, Progress
+from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
@@ -54,14 +54,26 @@ def simulate(
     for one in dict.fromkeys(each):
         assert one.integrator == integrator
         integrator.supports(one.system)
-    _refuse_ignored(integrator, settings)
+    for name, honoured in (("start", "resumes"), ("shift", "shifts")):  # settings that would be ignored
+        if getattr(settings, name) is not None and not getattr(integrator, honoured):
+            able = ", ".join(one for one in INTEGRATORS if getattr(integrator_class(one), honoured))
+            cannot = "go on from a written row" if name == "start" else "take added jumps"
+            raise ConfigError(
+                f"transient.integrator: {integrator.name} cannot {cannot}, and Settings.{name} is given, as "
+                f"statements of error need it; take one of {able}, or leave it out"
+            )
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
-    return [
-        _finite(made if settings.only_jumps else _finished(made, one, settings.steps.stride), one)
-        if isinstance(made, History)
-        else made
-        for made, one in zip(outcomes, simulations, strict=True)
-    ]
+    for i, (simulation, history) in enumerate(zip(simulations, outcomes, strict=True)):
+        if not isinstance(history, History):
+            continue
+        if not settings.only_jumps:  # what moving supports add, the ground, the initial gap, the open ledger
+            system, stride = simulation.prepared.system, settings.steps.stride
+            history = add_support_motion(history, system, simulation.ground, stride)
+            stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
+            ground = simulation.ground[:3, ::stride].T  # below it stands what moving supports do
+            history = replace(history, stats=stats, gap=system.law.gap, ground=ground)
+        outcomes[i] = _finite(history, simulation.prepared.system.law)
+    return outcomes
 
 
 def simulate_one(
@@ -86,7 +98,7 @@ def history_of(outcome: Outcome) -> History:
     return outcome
 
 
-def _finite(history: History, of: Simulation) -> Outcome:
+def _finite(history: History, law: GapLaw) -> Outcome:
     """The history, or the error that it is none: numbers that are not finite pass every comparison."""
     of_gaps = {of.title: getattr(history, name) for name, of in GAP_QUANTITIES.items() if of.moved}
     series = {
@@ -100,7 +112,7 @@ def _finite(history: History, of: Simulation) -> Outcome:
         finite = np.isfinite(values)
         if not finite.all():
             row, *where = np.argwhere(~finite)[0]
-            at = f" at {of.prepared.system.law.place(int(where[0]))}" if name in of_gaps else ""
+            at = f" at {law.gap_name(int(where[0]))}" if name in of_gaps else ""
             return ConvergenceError(
                 f"t = {history.time[row]:.6g} s: the {name}{at} is {values[(row, *where)]}, which is no "
                 "number, though its step had passed for converged; look for stiffnesses, densities and units "
@@ -110,28 +122,7 @@ def _finite(history: History, of: Simulation) -> Outcome:
         if not np.isfinite(values).all():
             i = int(np.argmin(np.isfinite(values)))
             return ConvergenceError(
-                f"the peak of {name} at {of.prepared.system.law.place(i)} is {values[i]}, which is no "
+                f"the peak of {name} at {law.gap_name(i)} is {values[i]}, which is no "
                 "number; look for stiffnesses, densities and units of extreme size"
             )
     return history
-
-
-def _refuse_ignored(integrator: Integrator, settings: Settings) -> None:
-    """Refuse settings that the integrator would pass over without a word."""
-    for name, honoured in (("start", "resumes"), ("shift", "shifts")):
-        if getattr(settings, name) is not None and not getattr(integrator, honoured):
-            able = ", ".join(one for one in INTEGRATORS if getattr(integrator_class(one), honoured))
-            cannot = "go on from a written row" if name == "start" else "take added jumps"
-            raise ConfigError(
-                f"transient.integrator: {integrator.name} cannot {cannot}, and Settings.{name} is given, as "
-                f"statements of error need it; take one of {able}, or leave it out"
-            )
-
-
-def _finished(history: History, of: Simulation, stride: int) -> History:
-    """The history with what moving supports add, its ground, its initial gap, and its open ledger."""
-    system = of.prepared.system
-    history = add_support_motion(history, system, of.ground, stride)
-    stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
-    ground = of.ground[:3, ::stride].T  # below it stands what moving supports do
-    return replace(history, stats=stats, gap=system.law.gap, ground=ground)

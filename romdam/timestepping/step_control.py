@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -82,8 +83,10 @@ def simulate_to(
     motions = _Motions(prepared, grounds, settings, progress)
     outcomes: dict[int, Outcome] = {}
     wanted = _wanted_step(prepared[0].system, accuracy) if prepared else 0.0
-    first = _first_halvings(settings.steps.base, wanted)
-    trials = {i: _first_trial(one.system.law, first) for i, one in enumerate(prepared)}
+    first = _USUAL_HALVINGS
+    if wanted > 0.0:
+        first = int(np.clip(round(math.log2(settings.steps.base / wanted)), 1, _MOST_HALVINGS))
+    trials = {i: _Trial.before_runs(one.system.law, first) for i, one in enumerate(prepared)}
     for halvings in range(first, max(_MOST_HALVINGS, first + _BASE_HALVINGS) + 1):
         for i, outcome in motions.simulate(trials, halvings):
             if not isinstance(outcome, ConvergenceError):
@@ -94,8 +97,17 @@ def simulate_to(
             elif trials[i].measured is not None or halvings >= min(first + _RETRIES, _MOST_HALVINGS):
                 outcomes[i] = outcome
                 del trials[i]
-        if halvings == first:
-            _check(motions, trials, first)
+        if halvings == first:  # checked with twice the step, but those that the next run is compared with
+            ready = {
+                i: one
+                for i, one in trials.items()
+                if one.measured is not None and one.refined_from != first and not one.uneven
+            }
+            for i, check in motions.simulate(ready, first - 1, only_compared=True):
+                if isinstance(check, ConvergenceError):
+                    trials[i] = trials[i].unchecked()
+                else:
+                    trials[i] = trials[i].checked(check, motions.compared(i, check))
         for i, trial in list(trials.items()):
             reached = trial.estimate <= accuracy and trial.agrees
             if reached or halvings == trial.last(first):
@@ -108,20 +120,6 @@ def simulate_to(
     return [outcomes[i] for i in range(len(prepared))]
 
 
-def _check(motions: _Motions, trials: dict[int, _Trial], first: int) -> None:
-    """Compare first runs with twice their step, but those that the next one is to be compared with."""
-    ready = {
-        i: one
-        for i, one in trials.items()
-        if one.measured is not None and one.refined_from != first and not one.uneven
-    }
-    for i, check in motions.simulate(ready, first - 1, only_compared=True):
-        if isinstance(check, ConvergenceError):
-            trials[i] = trials[i].unchecked()
-        else:
-            trials[i] = trials[i].checked(check, motions.compared(i, check))
-
-
 def _wanted_step(system: System, accuracy: float) -> float:
     """Finest step of the first run, as impacts scale with the period; 0 where that is unknown [s]."""
     k = system.K.diagonal()[system.M.diagonal() > 0.0] if system.diagonal else np.zeros(1)
@@ -129,20 +127,6 @@ def _wanted_step(system: System, accuracy: float) -> float:
     if len(elastic) == 0:
         return 0.0
     return _FRACTION * 2.0 * math.pi / math.sqrt(float(elastic.min())) * min(1.0, accuracy / _LIMIT)
-
-
-def _first_halvings(coarse: float, wanted: float) -> int:
-    """Halvings of the coarse step in the first run, see `_wanted_step`."""
-    if wanted == 0.0:
-        return _USUAL_HALVINGS
-    return int(np.clip(round(math.log2(coarse / wanted)), 1, _MOST_HALVINGS))
-
-
-def _first_trial(law: GapLaw, first: int) -> _Trial:
-    """Knowledge before the first run, see `simulate_to`; slip is a memory, too."""
-    if law.laws or law.directions > 1:
-        return _Trial(refined_from=first - _UNEVEN_FROM, uneven=True, least_runs=_QUIET_RUNS)
-    return _Trial(refined_from=first - 1 if follows_base_step(law) else None)
 
 
 def follows_base_step(law: GapLaw) -> bool:
@@ -178,21 +162,22 @@ class _Motions:
         ----------
         only_compared : whether nothing but `compared` is made of the histories
         """
-        made: dict[int, Outcome] = {}
+        outcomes: dict[int, Outcome] = {}
         for since, uneven in dict.fromkeys((one.refined_from, one.uneven) for one in trials.values()):
             alike = {i: one for i, one in trials.items() if (one.refined_from, one.uneven) == (since, uneven)}
-            made.update(self._alike(alike, halvings, (since, uneven), only_compared))
-        return [(i, made[i]) for i in trials]
+            outcomes.update(self._alike(alike, halvings, since, uneven, only_compared))
+        return [(i, outcomes[i]) for i in trials]
 
     def _alike(
         self,
         trials: Mapping[int, _Trial],
         halvings: int,
-        grid: tuple[int | None, bool],
+        since: int | None,
+        uneven: bool,
         only_compared: bool,
     ) -> list[tuple[int, Outcome]]:
-        """Integrate those whose steps are the same: `refined_from` and `uneven` of `_Trial` are `grid`."""
-        coarse, integrator, (since, uneven) = self.settings.steps, self.prepared[0].integrator, grid
+        """Integrate those whose steps are the same: `refined_from` is `since`, and `uneven`."""
+        coarse, integrator = self.settings.steps, self.prepared[0].integrator
         of_base = 0 if since is None else halvings - since
         more = _uneven_share(since, uneven, halvings)
         base = coarse.base / (more * 2.0**of_base)
@@ -211,8 +196,8 @@ class _Motions:
             ground = self.grounds[i](steps.base)
             columns = ground.shape[1] if trial.rows is None else (trial.rows - 1) * steps.stride + 1
             grounds.append(ground[:, :columns])
-        made = simulate([self.prepared[i] for i in trials], grounds, settings, self.progress)
-        return list(zip(list(trials), made, strict=True))
+        outcomes = simulate([self.prepared[i] for i in trials], grounds, settings, self.progress)
+        return list(zip(list(trials), outcomes, strict=True))
 
     def compared(self, number: int, history: History) -> Floats:
         """Values by which a run of one of them is compared with its next."""
@@ -252,6 +237,13 @@ class _Trial:
     broken: Bools | None = None
     least_runs: int = 2
 
+    @classmethod
+    def before_runs(cls, law: GapLaw, first: int) -> Self:
+        """Knowledge before the first run of so many halvings, see `simulate_to`; slip is a memory, too."""
+        if law.laws or law.directions > 1:
+            return cls(refined_from=first - _UNEVEN_FROM, uneven=True, least_runs=_QUIET_RUNS)
+        return cls(refined_from=first - 1 if follows_base_step(law) else None)
+
     def quiet(self, first: int) -> _Trial:
         """Knowledge after a first run that hardly cut its base step."""
         if self.refined_from is None:
@@ -280,11 +272,18 @@ class _Trial:
         if self.uneven:
             known = replace(known, broken=~history.bonded)
         if self.measured is None:
-            return replace(known, rows=None if measured.ndim == 1 or self.uneven else _past(measured))
+            if measured.ndim == 1 or self.uneven:
+                return known
+            # rows until nearly all of the squares are past
+            share = np.cumsum((measured**2).sum(axis=tuple(range(1, measured.ndim))))
+            past = max(2, int(np.searchsorted(share, (1.0 - _LATE) * share[-1])) + 1)
+            return replace(known, rows=past)
         difference = jump_difference(self.measured, measured)
         if self.uneven:
             assert self.broken is not None
-            difference = max(difference, _disagreement(self.broken, ~history.bonded))
+            broken = ~history.bonded  # time without the same bonds broken, over that of the finer run's
+            disagreement = float((self.broken != broken).sum()) / max(float(broken.sum()), 1.0)
+            difference = max(difference, disagreement)
         if measured.ndim == 1:  # peaks agree by chance, so the last two differences have to be small
             return replace(known, difference=difference, estimate=max(difference, self.difference))
         *before, last = self.parts
@@ -292,7 +291,7 @@ class _Trial:
             estimate = difference * error_over_difference(_USUAL_ORDER, last, parts)
             return replace(known, difference=difference, estimate=estimate)
         (first,) = before
-        order = _order_of_error(self.difference, difference, (first, last, parts))
+        order = _order_of_error(self.difference, difference, first, last, parts)
         estimate = difference * error_over_difference(order, last, parts)
         if self.uneven:  # two runs may agree by chance
             former = self.difference * error_over_difference(_USUAL_ORDER, first, last)
@@ -340,30 +339,19 @@ def error_over_difference(order: float, coarse: float, fine: float) -> float:
     return 1.0 / ((fine / coarse) ** order - 1.0)
 
 
-def _order_of_error(former: float, difference: float, parts: tuple[float, ...]) -> float:
+def _order_of_error(former: float, difference: float, first: float, last: float, parts: float) -> float:
     """Order at which three runs differ as they do, within what is believed.
 
     Parameters
     ----------
     former, difference : of the first two runs, and of the last two
-    parts : into which the three divided a step
+    first, last, parts : into which the three divided a step
     """
     if not former > 0.0:
         return _USUAL_ORDER
     orders = np.linspace(*_ORDERS, 161)
-    first, second, third = (part**-orders for part in parts)
-    return float(orders[np.argmin(np.abs((second - third) / (first - second) - difference / former))])
-
-
-def _past(measured: Floats) -> int:
-    """Rows until nearly all of the squares are past."""
-    share = np.cumsum((measured**2).sum(axis=tuple(range(1, measured.ndim))))
-    return max(2, int(np.searchsorted(share, (1.0 - _LATE) * share[-1])) + 1)
-
-
-def _disagreement(coarse: Bools, fine: Bools) -> float:
-    """Time for which two runs have not the same bonds broken, over that for which those of the finer are."""
-    return float((coarse != fine).sum()) / max(float(fine.sum()), 1.0)
+    coarse, middle, fine = (divided**-orders for divided in (first, last, parts))
+    return float(orders[np.argmin(np.abs((middle - fine) / (coarse - middle) - difference / former))])
 
 
 def jump_difference(coarse: Floats, fine: Floats) -> float:

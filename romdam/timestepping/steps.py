@@ -101,23 +101,16 @@ def cut_steps(finest: float, dt: float, interval: float | None) -> Steps:
     if finest > dt * (1.0 + _SAME):
         return fixed_steps(finest, interval)
     grid = grid_steps(dt, interval)
-    cuts = _cuts(math.ceil(grid.base / finest * (1.0 - _WHOLE)))
-    parts = math.prod(cuts)
-    return Steps(parts * _whole_part(grid.base, finest, parts), grid.stride, cuts)
+    parts, left, cuts = math.ceil(grid.base / finest * (1.0 - _WHOLE)), 0, list[int]()
+    while left != 1:  # the next number of parts that the cuts make
+        left, cuts = parts, []
+        for cut in (5, 4, 3, 2):
+            while left % cut == 0:
+                left, cuts = left // cut, [cut, *cuts]
+        parts += int(left != 1)
+    return Steps(parts * _whole_part(grid.base, finest, parts), grid.stride, tuple(cuts))
 
 
 def _whole_part(base: float, step: float, parts: int) -> float:
     """A base step over a number of parts; the step that was asked for itself, where it is that."""
     return step if abs(parts * step - base) <= _SAME * base else base / parts
-
-
-def _cuts(parts: int) -> tuple[int, ...]:
-    """The cuts, ascending, that make at least so many parts."""
-    while True:
-        left, cuts = parts, list[int]()
-        for cut in (5, 4, 3, 2):
-            while left % cut == 0:
-                left, cuts = left // cut, [cut, *cuts]
-        if left == 1:
-            return tuple(cuts)
-        parts += 1

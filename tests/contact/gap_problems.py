@@ -33,7 +33,7 @@ class Case:
 
     @property
     def problem(self) -> GapProblem:
-        return gap_problem(self.H, self.law, (STEP, False))
+        return gap_problem(self.H, self.law, STEP)
 
     @property
     def law(self) -> GapLaw:
@@ -96,7 +96,7 @@ def solve_step(problem: GapProblem, memory: GapMemory, w_free: Floats) -> tuple[
     """(y, residual) of one step, started from the gaps that carry force; `w_free` is left as it was."""
     y = np.empty(len(w_free))
     closed = memory.force[:: max(len(w_free) // max(len(problem.gap), 1), 1)] > 0.0
-    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, (TOLERANCE, False))
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, TOLERANCE, False)
     return y, residual
 
 

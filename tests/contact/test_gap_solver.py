@@ -118,7 +118,7 @@ def test_within_the_step_no_gap_gives_more_than_it_took(K_n, mu):
     for seed in range(20):
         case, rng = random_case(seed, 6, mu, K_n=K_n, K_s=min(K_n, 1e9) / 2), np.random.default_rng(seed)
         gap = np.abs(case.gap)
-        problem = gap_problem(case.H, dataclasses.replace(case.law, gap=gap), (1e-3, True))
+        problem = gap_problem(case.H, dataclasses.replace(case.law, gap=gap), 1e-3, 1.0)
         assert (problem.theta_ratio[:: len(problem.theta_ratio) // 6] > 0.0).all() == np.isfinite(K_n)
         memory, d = gap_memory(problem), len(case.w_free) // 6
         old, before = np.zeros((6, d)), 0.0
@@ -256,8 +256,8 @@ def test_a_solution_is_a_fixed_point_of_the_gauss_seidel_sweep(mu):
         problem = case.problem
         force = solve(case, problem=problem)[1].ravel()
         swept, limits, moved = force.copy(), gap_memory(problem).limits, np.zeros(24, dtype=np.float32)
-        start = force, problem.W @ force + _free_response(case)
-        frictional._sweep(problem.W.astype(np.float32), limits, np.arange(8), start, swept, moved)
+        y = problem.W @ force + _free_response(case)
+        frictional._sweep(problem.W.astype(np.float32), limits, np.arange(8), force, y, swept, moved)
         assert np.abs(swept - force).max() <= 1e-6 * force.max()
 
 
@@ -432,7 +432,7 @@ def test_a_change_of_contact_that_must_not_be_ends_the_search():
     for kept, ends in ((closed, False), (~closed, True)):
         memory, y = gap_memory(problem), np.empty(36)
         memory.accumulated_slip[:] = case.anchor
-        residual = solve_gaps(problem, memory, kept, case.w_free.copy(), y, (TOLERANCE, True))
+        residual = solve_gaps(problem, memory, kept, case.w_free.copy(), y, TOLERANCE, True)
         assert (residual == np.inf) == ends
 
 
@@ -632,13 +632,13 @@ def test_an_inverse_that_round_off_has_spoiled_is_made_anew(dual):
     shape = rng.standard_normal((n, n))
     law = GapLaw(np.full(n, np.inf), np.zeros(n), np.zeros(n), np.zeros((n, 2)), np.zeros(n), {})
     problem = gap_problem(1e-9 * (shape @ shape.T / n + np.eye(n)), law)
-    memory, y, control = gap_memory(problem), np.zeros(n), (TOLERANCE, False)
+    memory, y = gap_memory(problem), np.zeros(n)
     w_free = np.where(np.arange(n) < (9 if dual else 3), -1e-3, 5e-3)
-    solve_gaps(problem, memory, np.zeros(n, dtype=bool), w_free.copy(), y, control)
+    solve_gaps(problem, memory, np.zeros(n, dtype=bool), w_free.copy(), y, TOLERANCE, False)
     force, closed = memory.force.copy(), memory.force > 0.0
-    solve_gaps(problem, memory, closed, w_free.copy(), y, control)
+    solve_gaps(problem, memory, closed, w_free.copy(), y, TOLERANCE, False)
     assert (2 * closed.sum() > n) == dual
     memory.solver.inverse[:] *= 1.0 + 1e-4
-    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, control)
+    residual = solve_gaps(problem, memory, closed, w_free.copy(), y, TOLERANCE, False)
     assert residual <= TOLERANCE
     np.testing.assert_allclose(memory.force, force, rtol=1e-9)

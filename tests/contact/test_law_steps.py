@@ -48,7 +48,7 @@ class OneGap:
 
     def __post_init__(self):
         d = self.law.directions
-        self.problem = gap_problem(self.flexibility * np.eye(d), self.law, (STEP, False))
+        self.problem = gap_problem(self.flexibility * np.eye(d), self.law, STEP)
         self.memory = gap_memory(self.problem)
         self.gaps = new_gap_arrays(1, d)
         self.jump, self.force, self.state = self.gaps.jump, self.gaps.traction, self.gaps.state
@@ -59,7 +59,7 @@ class OneGap:
         """Residual displacements y (d,) of a step that is not accepted; memory.force is its force."""
         y, closed = np.empty(len(self.memory.force)), self.memory.force[:1] > 0.0
         free = np.array(free[: len(y)])
-        assert solve_gaps(self.problem, self.memory, closed, free, y, (EXACT, False)) <= EXACT
+        assert solve_gaps(self.problem, self.memory, closed, free, y, EXACT, False) <= EXACT
         return y
 
     def step(self, *free):

@@ -98,12 +98,12 @@ def test_where_the_gaps_do_not_converge_a_larger_proximal_term_does(failures, sy
     """The first attempts fail; the equilibrium, which is the only one, is the same."""
     solve, shifts = equilibrium._solve, []
 
-    def failing(problem, memory, w_free, control):
+    def failing(problem, memory, w_free, tolerance, hasty):
         shifts.append(1.0 / problem.self_flexibility[0])
         if len(shifts) <= failures:
             memory.force[:] = np.nan
             raise ConvergenceError("not yet")
-        return solve(problem, memory, w_free, control)
+        return solve(problem, memory, w_free, tolerance, hasty)
 
     monkeypatch.setattr(equilibrium, "_solve", failing)
     if system == "loose":

@@ -95,26 +95,24 @@ def user_law(name: str, file: Path) -> LawSource:
     ConfigError
         for a file that cannot be read or run, and for a class that is none or does not keep to the protocol.
     """
+    from romdam.contact.laws.outside import closed
+
     try:
         content = file.read_bytes()
     except OSError as error:
         raise ConfigError(f"law {quote(name)}: cannot read {file}: {error.strerror}") from None
-    place = file.absolute()
-    law = getattr(_module(place, content), name.rpartition(".")[2], None)
+    absolute = file.absolute()
+    law = getattr(_module(absolute, content), name.rpartition(".")[2], None)
     if not (isinstance(law, type) and issubclass(law, Law) and law is not Law):
         raise ConfigError(f"law {quote(name)}: {file} has no class of that name that is a romdam.contact.Law")
     _check(law, f"{file}: {law.__name__}")
-    source = LawSource(name, str(place), _digest(law, str(place), content))
-    _LOADED.setdefault(source, law)
-    return source
-
-
-def _digest(law: type[Law], file: str, content: bytes) -> str:
-    """SHA-256 of all that a law is: its file, and what that has taken from elsewhere and brings to a run."""
-    from romdam.contact.laws.outside import closed
-
-    functions = {name: getattr(law, name) for name in ("limit", "release", "commit")}
-    taken = {name: closed(one, file).content for name, one in functions.items() if one is not None}
+    # all that a law is: its file, what that has taken from elsewhere, and what it brings to a run
+    functions = {function: getattr(law, function) for function in _ARGUMENTS}
+    outside = {
+        function: closed(each, str(absolute)).content
+        for function, each in functions.items()
+        if each is not None
+    }
     declared = (
         law.section,
         law.parameters,
@@ -123,7 +121,9 @@ def _digest(law: type[Law], file: str, content: bytes) -> str:
         bool(law.strength),
         bool(law.follows_step),
     )
-    return fingerprint((content, taken, declared))
+    source = LawSource(name, str(absolute), fingerprint((content, outside, declared)))
+    _LOADED.setdefault(source, law)
+    return source
 
 
 def _module(file: Path, content: bytes) -> ModuleType:
@@ -134,7 +134,7 @@ def _module(file: Path, content: bytes) -> ModuleType:
     """
     from romdam.core.jit import keeping_nothing
 
-    about, before = fingerprint((str(file), content)), _modules_beside(file)
+    about, before = fingerprint((str(file), content)), _modules_of_folder(file)
     for name in before:
         del sys.modules[name]
     module = ModuleType(f"romdam_law_{file.stem}_{about[:12]}")
@@ -150,21 +150,21 @@ def _module(file: Path, content: bytes) -> ModuleType:
             raise ConfigError(f"{file}: cannot be run: {type(error).__name__}: {error}") from error
         raise
     finally:
-        for name in _modules_beside(file).keys() - {module.__name__}:
+        for name in _modules_of_folder(file).keys() - {module.__name__}:
             del sys.modules[name]
         sys.modules.update({name: one for name, one in before.items() if name != module.__name__})
     return module
 
 
-def _modules_beside(file: Path) -> dict[str, ModuleType]:
+def _modules_of_folder(file: Path) -> dict[str, ModuleType]:
     """Imported modules whose files lie with a user's, by name: the law has what they are now."""
-    found = {}
+    modules = {}
     for name, module in list(sys.modules.items()):
-        place = Path(getattr(module, "__file__", None) or "/").absolute()
-        installed = name.partition(".")[0] in ("__main__", "romdam") or "site-packages" in place.parts
-        if file.parent in place.parents and not installed:
-            found[name] = module
-    return found
+        path = Path(getattr(module, "__file__", None) or "/").absolute()
+        installed = name.partition(".")[0] in ("__main__", "romdam") or "site-packages" in path.parts
+        if file.parent in path.parents and not installed:
+            modules[name] = module
+    return modules
 
 
 def _check(law: type[Law], place: str) -> None:
@@ -200,7 +200,13 @@ def _check(law: type[Law], place: str) -> None:
             )
     if law.release is not None and not law.memory:
         raise ConfigError(f"{place}.release has no `memory` to note in what was given up; name what it keeps")
-    values = {p.name: AXES if p.unit == "axes" else _sample(p) for p in law.parameters}
+    values: dict[str, Any] = {}
+    for parameter in law.parameters:
+        if parameter.unit == "axes":
+            values[parameter.name] = AXES
+            continue
+        sample = min(parameter.least + 0.5, math.inf if parameter.most is None else parameter.most)
+        values[parameter.name] = (sample, sample) if parameter.both else sample
     try_law(law, {law.section: values} if law.section else values, place)
 
 
@@ -230,8 +236,3 @@ def try_law(law: type[Law], joint: Mapping[str, Any], place: str) -> None:
         raise ConfigError(f"{place}.initial gives {len(memory)} numbers for {len(law.memory)} of `memory`")
     if limit[COHESION_J : MU_K + 1].any() and not law.shear:
         raise ConfigError(f"{place}.limit bounds the shear, which no gap carries; set `shear = True`")
-
-
-def _sample(parameter: Parameter) -> float | tuple[float, float]:
-    value = min(parameter.least + 0.5, math.inf if parameter.most is None else parameter.most)
-    return (value, value) if parameter.both else value

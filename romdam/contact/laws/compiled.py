@@ -146,12 +146,8 @@ def _no_limit(parameters: Any, memory: Any, step: Any, limit: Any) -> int:
     return DONE
 
 
-def _no_release(parameters: Any, memory: Any, step: Any) -> int:
+def _no_change(parameters: Any, memory: Any, step: Any) -> int:
     return DONE
 
 
-def _no_commit(parameters: Any, memory: Any, step: Any) -> int:
-    return DONE
-
-
-_NOTHING: dict[str, Callable[..., Any]] = {"limit": _no_limit, "release": _no_release, "commit": _no_commit}
+_NOTHING: dict[str, Callable[..., Any]] = {"limit": _no_limit, "release": _no_change, "commit": _no_change}

@@ -13,7 +13,7 @@ import dis
 import enum
 import itertools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,10 +79,17 @@ class _Walk:
         copy = FunctionType(code, taken, function.__name__, function.__defaults__, cells)
         copy.__qualname__, copy.__kwdefaults__ = function.__qualname__, function.__kwdefaults__
         self.met[id(function)] = copy, ("met", function.__qualname__)
-        names, contents = _names(code), dict[str, object]()
+        contents: dict[str, object] = {}
+        names = frozenset(name for each in _codes(code) for name in each.co_names)
         if "objmode" in names:
             raise self._refusal("objmode", "Python code within compiled code")
-        for name in sorted(_globals(code) & function.__globals__.keys()):
+        called = {  # names of globals alone, of the function and of those within it
+            instruction.argval
+            for each in _codes(code)
+            for instruction in dis.get_instructions(each)
+            if instruction.opname in ("LOAD_GLOBAL", "LOAD_NAME")
+        }
+        for name in sorted(called & function.__globals__.keys()):
             taken[name], contents[name] = self.value(function.__globals__[name], name, names)
         for name, cell, outer in zip(code.co_freevars, cells, function.__closure__ or (), strict=True):
             cell.cell_contents, contents[f"closure {name}"] = self.value(outer.cell_contents, name, names)
@@ -156,16 +163,12 @@ class _Walk:
         )
 
 
-def _names(code: CodeType) -> frozenset[str]:
-    """Names of globals and attributes in a function's text, and in that of functions within it."""
-    inner = [_names(const) for const in code.co_consts if isinstance(const, CodeType)]
-    return frozenset(code.co_names).union(*inner)
-
-
-def _globals(code: CodeType) -> frozenset[str]:
-    """Names of globals alone."""
-    own = [i.argval for i in dis.get_instructions(code) if i.opname in ("LOAD_GLOBAL", "LOAD_NAME")]
-    return frozenset(own).union(*[_globals(c) for c in code.co_consts if isinstance(c, CodeType)])
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """The code of a function, and that of functions within it."""
+    yield code
+    for const in code.co_consts:
+        if isinstance(const, CodeType):
+            yield from _codes(const)
 
 
 def _text(code: CodeType) -> object:

@@ -51,12 +51,12 @@ def _exchange(M: Singles, size: int, k: Ints, P: Singles, X: Singles) -> None:
     k : (m,) the directions, in threes
     P, X : (m, m) inverse of M on them, (m, size) its product with their rows; changed
     """
-    own = np.zeros(size, dtype=np.bool_)
+    exchanged = np.zeros(size, dtype=np.bool_)
     for a in range(len(k)):
-        own[k[a]] = True
+        exchanged[k[a]] = True
     factor = np.empty(len(k), dtype=np.float32)
     for i in range(size):
-        if own[i]:
+        if exchanged[i]:
             continue
         row = M[i]
         for a in range(len(k)):
@@ -83,13 +83,13 @@ def _directions(chosen: Bools, which: bool) -> Ints:
     count = 0
     for i in range(len(chosen)):
         count += int(chosen[i] == which)
-    found, count = np.empty(3 * count, dtype=np.int64), 0
+    directions, count = np.empty(3 * count, dtype=np.int64), 0
     for i in range(len(chosen)):
         if chosen[i] == which:
             for r in range(3):
-                found[count + r] = 3 * i + r
+                directions[count + r] = 3 * i + r
             count += 3
-    return found
+    return directions
 
 
 @njit(**ARRAYS)
@@ -97,13 +97,13 @@ def release(solver: FrictionalState, going: Bools) -> None:
     """Make some condensed contacts unknowns of the sweeps again; what these have gathered is void."""
     sweeps, sticking = solver.sweeps, solver.sticking
     M, size, k = sticking.pivot, len(sticking.pivot), _directions(going, True)
-    own, rows = np.empty((len(k), len(k))), np.empty((len(k), size), dtype=np.float32)
+    M_kk, rows = np.empty((len(k), len(k))), np.empty((len(k), size), dtype=np.float32)
     for a in range(len(k)):
         for b in range(len(k)):
-            own[a, b] = M[k[a], k[b]]
+            M_kk[a, b] = M[k[a], k[b]]
         for j in range(size):
             rows[a, j] = M[k[a], j]
-    P = np.linalg.inv(own).astype(np.float32)
+    P = np.linalg.inv(M_kk).astype(np.float32)
     _exchange(M, size, k, P, np.dot(P, rows))
     for i in range(len(going)):
         if going[i]:
@@ -159,10 +159,25 @@ def multiply(M: Singles, chosen: Bools, z: Singles, out: Floats) -> None:
 
 
 @njit(**ARRAYS)
-def _condense(W: Floats, solver: FrictionalState, wanted: Bools) -> None:
-    """Make M for the wanted contacts, or condense none where they determine each other."""
+def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats) -> None:
+    """Count for how many solutions every contact has stuck, and condense those that have for long.
+
+    That is for as many as W has rows: the sweeps (10 N^2 each) have then cost more than making M (N^3) does.
+    None are condensed where they determine each other.
+    """
+    sticking, new = solver.sticking, 0
+    wait, counts = sticking.wait, sticking.counts
+    for i in range(len(wait)):
+        wait[i] = max(wait[i] - 1, 0) if sticks(limits, p, i) else len(W)
+        new += int(wait[i] == 0 and not sticking.condensed[i])
+    counts.total += counts.number
+    if _WORTH * new < len(wait):
+        return
+    wanted = np.zeros(len(wait), dtype=np.bool_)
+    for i in range(len(wait)):
+        wanted[i] = wait[i] == 0 or sticking.condensed[i]
     release_all(solver)
-    s, f, M = _directions(wanted, True), _directions(wanted, False), solver.sticking.pivot
+    s, f, M = _directions(wanted, True), _directions(wanted, False), sticking.pivot
     W_ss, W_sf, largest = np.empty((len(s), len(s))), np.empty((len(s), len(f))), 0.0
     for b in range(len(W)):
         largest = max(largest, W[b, b])
@@ -175,7 +190,7 @@ def _condense(W: Floats, solver: FrictionalState, wanted: Bools) -> None:
     Z = np.linalg.inv(W_ss)
     for a in range(len(s)):
         for b in range(len(s)):
-            if not abs(Z[a, b]) * largest < _CONDITION:
+            if not abs(Z[a, b]) * largest < _CONDITION:  # they determine each other
                 return
     X = np.dot(Z, W_sf)
     S = np.dot(W_sf.T.copy(), X)
@@ -187,24 +202,5 @@ def _condense(W: Floats, solver: FrictionalState, wanted: Bools) -> None:
     for a in range(len(f)):
         for b in range(len(f)):
             M[f[a], f[b]] = W[f[a], f[b]] - S[a, b]
-    copy(wanted, solver.sticking.condensed)
-    solver.sticking.counts.number = len(s) // 3
-
-
-@njit(**ARRAYS)
-def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats) -> None:
-    """Count for how many solutions every contact has stuck, and condense those that have for long.
-
-    That is for as many as W has rows: the sweeps (10 N^2 each) have then cost more than making M (N^3) does.
-    """
-    sticking, new = solver.sticking, 0
-    wait, counts = sticking.wait, sticking.counts
-    for i in range(len(wait)):
-        wait[i] = max(wait[i] - 1, 0) if sticks(limits, p, i) else len(W)
-        new += int(wait[i] == 0 and not sticking.condensed[i])
-    counts.total += counts.number
-    if _WORTH * new >= len(wait):
-        wanted = np.zeros(len(wait), dtype=np.bool_)
-        for i in range(len(wait)):
-            wanted[i] = wait[i] == 0 or sticking.condensed[i]
-        _condense(W, solver, wanted)
+    copy(wanted, sticking.condensed)
+    counts.number = len(s) // 3

@@ -30,7 +30,7 @@ from romdam.contact.problem import GapMemory, GapProblem, Limits
 from romdam.contact.solvers.condensation import multiply, note_sticking, release_all, release_sliding
 from romdam.contact.solvers.continuation import continue_from_no_friction
 from romdam.contact.solvers.newton import natural_residuals, response, worst_gap
-from romdam.contact.solvers.state import PUT_BACK, START, SWEPT, FrictionalState, GaussSeidelState
+from romdam.contact.solvers.state import PUT_BACK, START, SWEPT, FrictionalState
 from romdam.core.arrays import Floats, Singles
 from romdam.core.jit import ARRAYS, copy, njit
 
@@ -97,7 +97,8 @@ def _sweep(
     A: Singles,
     limits: Limits,
     order: NDArray[np.int64],
-    start: tuple[Floats, Floats],
+    p: Floats,
+    y: Floats,
     x: Floats,
     y_moved: Singles,
 ) -> tuple[float, float]:
@@ -108,14 +109,13 @@ def _sweep(
 
     Parameters
     ----------
-    start : force and response of all gaps, from which the force has moved
+    p, y : force and response of all gaps, from which the force has moved
     x, y_moved : (3 gathered,) force, and A times how far it has moved; changed in place
 
     Returns
     -------
     (change, share) : the largest change of a force, relative to the largest force and to the largest move
     """
-    p, y = start
     worst, size, far = 0.0, 1e-300, 1e-300
     for a in range(len(order)):
         b, g, i = 3 * a, 3 * order[a], order[a]
@@ -141,34 +141,13 @@ def _sweep(
 
 
 @njit(cache=True)
-def _changed(order: NDArray[np.int64], x: Floats, kept: NDArray[np.bool_]) -> bool:
-    """Tell whether a gathered gap is not closed as it was; never without `kept`."""
-    if len(kept):
-        for a in range(len(x) // 3):
-            if (x[3 * a + NORMAL] > 0.0) != kept[order[a]]:
-                return True
-    return False
-
-
-@njit(cache=True)
-def _put_back(solver: FrictionalState, y: Floats, rest: Floats) -> Singles:
-    """Response of the gathered gaps with the condensed ones put back, to rest; what puts these back."""
-    sticking, z = solver.sticking, np.zeros(len(y), dtype=np.float32)
-    copy(y, rest)
-    if sticking.counts.number > 0:
-        for b in range(len(y)):
-            if sticking.condensed[b // 3]:
-                z[b] = -y[b]
-        multiply(sticking.pivot, solver.sweeps.gathered, z, rest)
-    return z
-
-
-@njit(cache=True)
 def _move(
     W: Floats,
     limits: Limits,
     solver: FrictionalState,
-    forces: tuple[Floats, Floats, Floats],
+    p: Floats,
+    start: Floats,
+    y: Floats,
     done: int,
     change: float,
     goal: float,
@@ -178,7 +157,8 @@ def _move(
 
     Parameters
     ----------
-    forces : the force, changed in place; the same before, and its response
+    p : the force, changed in place
+    start, y : the same before, and its response
     done : sweeps done so far
     change : the last sweep's change, relative to the largest force
     goal : change that counts as converged
@@ -188,24 +168,32 @@ def _move(
     -------
     (fate, change, sweeps) : SPENT, CONVERGED, SLOW or CHANGED; the last sweep's change; sweeps done
     """
-    p, start, y = forces
     sweeps, sticking = solver.sweeps, solver.sticking
     count, rest = _gather(W, limits, solver, p, y), sweeps.scratch[PUT_BACK]
     order, x = sweeps.order[:count], sweeps.scratch[SWEPT, : 3 * count]
     y_moved = np.zeros(3 * count, dtype=np.float32)
     for b in range(3 * count):
         x[b] = p[3 * order[b // 3] + b % 3]
-    z = _put_back(solver, y, rest)
+    z = np.zeros(
+        len(y), dtype=np.float32
+    )  # what puts the condensed gaps back, for the response of the others
+    copy(y, rest)
+    if sticking.counts.number > 0:
+        for b in range(len(y)):
+            if sticking.condensed[b // 3]:
+                z[b] = -y[b]
+        multiply(sticking.pivot, sweeps.gathered, z, rest)
     before, fate = np.inf, _SPENT
     while done < _SWEEPS:
         last = change
-        change, share = _sweep(sweeps.block, limits, order, (start, rest), x, y_moved)
+        change, share = _sweep(sweeps.block, limits, order, start, rest, x, y_moved)
         done += 1
         if done % _WINDOW == 0:
             fate = _SPENT if change <= _GAIN * before else _SLOW
             before = change
-            if _changed(order, x, kept):
-                return _CHANGED, change, done
+            for a in range(count if len(kept) else 0):
+                if (x[3 * a + NORMAL] > 0.0) != kept[order[a]]:
+                    return _CHANGED, change, done
         if change * change <= 0.5 * goal * (last - change):  # what all further sweeps would change
             fate = _CONVERGED
         if fate != _SPENT or share <= _SINGLE:
@@ -217,44 +205,6 @@ def _move(
         multiply(sticking.pivot, sticking.condensed, z, p)
         release_sliding(limits, solver, p)
     return fate, change, done
-
-
-@njit(cache=True)
-def _respond(W: Floats, sweeps: GaussSeidelState, p: Floats, y_free: Floats, y: Floats) -> None:
-    """Response at the gathered gaps alone, which carry all force; those of the others stay as they are."""
-    order = sweeps.order[: sweeps.counts.gathered]
-    for a in range(len(order)):
-        n, j, k = 3 * order[a] + NORMAL, 3 * order[a] + SHEAR_J, 3 * order[a] + SHEAR_K
-        row_n, row_j, row_k = W[n], W[j], W[k]
-        y_n, y_j, y_k = y_free[n], y_free[j], y_free[k]
-        for b in range(len(order)):
-            for c in range(3 * order[b], 3 * order[b] + 3):
-                y_n += row_n[c] * p[c]
-                y_j += row_j[c] * p[c]
-                y_k += row_k[c] * p[c]
-        y[n], y[j], y[k] = y_n, y_j, y_k
-
-
-@njit(cache=True)
-def _first_response(W: Floats, sweeps: GaussSeidelState, p: Floats, y_free: Floats, y: Floats) -> None:
-    """y = W p + y_free, with W p of the last solution where the force is still that one."""
-    last, product, known = sweeps.force, sweeps.product, sweeps.counts.known
-    for b in range(len(p)):
-        known = known and p[b] == last[b]
-    if not known:
-        response(W, p, y_free, y)
-        return
-    for b in range(len(p)):
-        y[b] = product[b] + y_free[b]
-
-
-@njit(cache=True)
-def _remember(sweeps: GaussSeidelState, p: Floats, y_free: Floats, y: Floats) -> None:
-    """Keep W p of a solution, the force and its response."""
-    last, product = sweeps.force, sweeps.product
-    for b in range(len(p)):
-        last[b], product[b] = p[b], y[b] - y_free[b]
-    sweeps.counts.known = True
 
 
 @njit(cache=True)
@@ -289,11 +239,22 @@ def _sweeps(
     while done < _SWEEPS:
         copy(p, start)
         condensed, last = sticking.counts.number, residual
-        fate, change, done = _move(W, limits, solver, (p, start, y), done, change, goal, kept)
+        fate, change, done = _move(W, limits, solver, p, start, y, done, change, goal, kept)
         if fate == _CHANGED:
             return np.inf
         if fate == _SPENT and done < _SWEEPS and condensed == 0 and counts.gathered < few:
-            _respond(W, sweeps, p, y_free, y)
+            # the gathered gaps carry all force: response at them alone, that of the others stays as it is
+            order = sweeps.order[: counts.gathered]
+            for a in range(len(order)):
+                n, j, k = 3 * order[a] + NORMAL, 3 * order[a] + SHEAR_J, 3 * order[a] + SHEAR_K
+                row_n, row_j, row_k = W[n], W[j], W[k]
+                y_n, y_j, y_k = y_free[n], y_free[j], y_free[k]
+                for b in range(len(order)):
+                    for c in range(3 * order[b], 3 * order[b] + 3):
+                        y_n += row_n[c] * p[c]
+                        y_j += row_j[c] * p[c]
+                        y_k += row_k[c] * p[c]
+                y[n], y[j], y[k] = y_n, y_j, y_k
             continue
         response(W, p, y_free, y)
         _, residual = natural_residuals(W, limits, p, y)
@@ -339,15 +300,25 @@ def solve_frictional(
             p[3 * i + SHEAR_J], p[3 * i + SHEAR_K] = 0.0, 0.0
     if solver.sticking.counts.number > 0:
         release_sliding(limits, solver, p)
-    _first_response(W, solver.sweeps, p, y_free, y)
+    sweeps = solver.sweeps
+    known = sweeps.counts.known  # is the force still that of the last solution, whose W p is kept?
+    for b in range(len(p)):
+        known = known and p[b] == sweeps.force[b]
+    if known:
+        for b in range(len(p)):
+            y[b] = sweeps.product[b] + y_free[b]
+    else:
+        response(W, p, y_free, y)
     residual = _sweeps(W, limits, memory, y_free, y, tolerance, kept)
     if len(kept) and not residual <= tolerance:
         return np.inf
     if not residual <= tolerance:
-        solver.sweeps.counts.newton_steps += 1
+        sweeps.counts.newton_steps += 1
         residual = continue_from_no_friction(W, limits, memory, y_free, y, tolerance)
     if residual <= tolerance:
-        _remember(solver.sweeps, p, y_free, y)
+        for b in range(len(p)):
+            sweeps.force[b], sweeps.product[b] = p[b], y[b] - y_free[b]
+        sweeps.counts.known = True
         note_sticking(W, limits, solver, p)
     else:
         memory.failure.gap = worst_gap(W, limits, p, y)

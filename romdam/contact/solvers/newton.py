@@ -199,31 +199,6 @@ def _classify(W: Floats, limits: Limits, p: Floats, y: Floats, heading: Floats, 
     return unknowns
 
 
-@njit(cache=True)
-def _directions(
-    limits: Limits, heading: Floats, free: Bools, columns: Floats, rows: Floats, index: NDArray[np.int64]
-) -> None:
-    """Unknown directions of force (columns) and equation directions of y (rows), (m, 3) zeros each."""
-    m = 0
-    for i in range(len(free)):
-        if free[i, NORMAL]:
-            columns[m, NORMAL] = rows[m, NORMAL] = 1.0
-            columns[m, SHEAR_J] = limits.mu[i, ALONG_J] * heading[i, ALONG_J]
-            columns[m, SHEAR_K] = limits.mu[i, ALONG_K] * heading[i, ALONG_K]
-            index[m] = i
-            m += 1
-        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
-        for axis in (SHEAR_J, SHEAR_K):
-            if free[i, axis]:
-                along_j, along_k = (1.0, 0.0) if axis == SHEAR_J else (0.0, 1.0)
-                if turns:
-                    along_j, along_k = -heading[i, ALONG_K], heading[i, ALONG_J]
-                columns[m, SHEAR_J] = rows[m, SHEAR_J] = along_j
-                columns[m, SHEAR_K] = rows[m, SHEAR_K] = along_k
-                index[m] = i
-                m += 1
-
-
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
 def _jacobian(W: Floats, rows: Floats, columns: Floats, index: NDArray[np.int64], J: Floats) -> None:
     """J = rows^T W columns over the unknowns."""
@@ -244,21 +219,6 @@ def _jacobian(W: Floats, rows: Floats, columns: Floats, index: NDArray[np.int64]
 
 
 @njit(cache=True)
-def _slave(limits: Limits, p: Floats, heading: Floats, free: Bools) -> None:
-    """Put the forces that are no unknowns to what the states make of them."""
-    for i in range(len(free)):
-        b = 3 * i
-        p[b] = max(p[b], 0.0) if free[i, NORMAL] else 0.0
-        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
-        for axis in range(2):
-            if (turns and axis == 0) or not free[i, 1 + axis]:
-                p[b + SHEAR_J + axis] = 0.0
-                if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
-                    limit = shear_limit(limits.cohesion[i, axis], limits.mu[i, axis], p[b])
-                    p[b + SHEAR_J + axis] = heading[i, axis] * limit
-
-
-@njit(cache=True)
 def _update(
     W: Floats,
     limits: Limits,
@@ -270,10 +230,36 @@ def _update(
     y: Floats,
 ) -> bool:
     """One Newton step for the states of `_classify`; p is replaced; False where the step is not finite."""
+    # unknown directions of force (columns) and equation directions of y (rows), and their gaps
     columns, rows = np.zeros((unknowns, 3)), np.zeros((unknowns, 3))
-    index = np.empty(unknowns, dtype=np.int64)
-    _directions(limits, heading, free, columns, rows, index)
-    _slave(limits, p, heading, free)
+    index, m = np.empty(unknowns, dtype=np.int64), 0
+    for i in range(len(free)):
+        if free[i, NORMAL]:
+            columns[m, NORMAL] = rows[m, NORMAL] = 1.0
+            columns[m, SHEAR_J] = limits.mu[i, ALONG_J] * heading[i, ALONG_J]
+            columns[m, SHEAR_K] = limits.mu[i, ALONG_K] * heading[i, ALONG_K]
+            index[m] = i
+            m += 1
+        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
+        for axis in (SHEAR_J, SHEAR_K):
+            if free[i, axis]:
+                along_j, along_k = (1.0, 0.0) if axis == SHEAR_J else (0.0, 1.0)
+                if turns:
+                    along_j, along_k = -heading[i, ALONG_K], heading[i, ALONG_J]
+                columns[m, SHEAR_J] = rows[m, SHEAR_J] = along_j
+                columns[m, SHEAR_K] = rows[m, SHEAR_K] = along_k
+                index[m] = i
+                m += 1
+    for i in range(len(free)):  # forces that are no unknowns are what the states make of them
+        b = 3 * i
+        p[b] = max(p[b], 0.0) if free[i, NORMAL] else 0.0
+        turns = on_resultant(limits, i) and not free[i, SHEAR_K]
+        for axis in range(2):
+            if (turns and axis == 0) or not free[i, 1 + axis]:
+                p[b + SHEAR_J + axis] = 0.0
+                if heading[i, axis] != 0.0:  # a gap without heading may have an infinite limit
+                    limit = shear_limit(limits.cohesion[i, axis], limits.mu[i, axis], p[b])
+                    p[b + SHEAR_J + axis] = heading[i, axis] * limit
     response(W, p, y_free, y)
     J, right = np.empty((unknowns, unknowns)), np.empty(unknowns)
     _jacobian(W, rows, columns, index, J)

@@ -113,28 +113,26 @@ def _deflate(set_: PivotingState, k: int) -> None:
 
 
 @njit(cache=True)
-def _rebuild(W: Floats, set_: PivotingState) -> None:
-    """Make the inverse anew for the wanted set."""
-    set_.counts.number, set_.counts.updates = 0, 0
-    set_.active[:] = False
-    for k in range(len(set_.wanted)):
-        if set_.wanted[k]:
-            _border(W, set_, k)
+def _adopt(W: Floats, set_: PivotingState, anew: bool) -> None:
+    """Start from the wanted set in place of the present one, by the cheaper of changes and a fresh inverse.
 
-
-@njit(cache=True)
-def _adopt(W: Floats, set_: PivotingState) -> None:
-    """Start from the wanted set in place of the set's own, by the cheaper of changes and a rebuild."""
+    Parameters
+    ----------
+    anew : whether the inverse is to be made anew in any case
+    """
     active, wanted = set_.active, set_.wanted
     changes, size = 0, 0
     for k in range(len(wanted)):
         changes += active[k] ^ wanted[k]
-    if changes == 0:
-        return
-    for k in range(len(wanted)):
         size += wanted[k]
-    if 3 * changes > size:
-        _rebuild(W, set_)
+    if changes == 0 and not anew:
+        return
+    if anew or 3 * changes > size:
+        set_.counts.number, set_.counts.updates = 0, 0
+        active[:] = False
+        for k in range(len(wanted)):
+            if wanted[k]:
+                _border(W, set_, k)
         return
     for k in range(len(wanted)):
         if active[k] and not wanted[k]:
@@ -179,29 +177,11 @@ def _evaluate(W: Floats, set_: PivotingState, y_free: Floats, out: Floats) -> fl
 
 
 @njit(cache=True, forceinline=True)
-def _is_infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float], i: int) -> bool:
+def _is_infeasible(
+    set_: PivotingState, out: Floats, least_force: float, least_opening: float, i: int
+) -> bool:
     """Tell whether gap i is on the wrong side: pulled, or overlapping."""
-    least_force, least_opening = slack
     return out[i] < -(least_force if set_.active[i] else least_opening)
-
-
-@njit(cache=True, forceinline=True)
-def _infeasible(set_: PivotingState, out: Floats, slack: tuple[float, float]) -> tuple[int, int]:
-    """Count the gaps on the wrong side; the largest index among them, too."""
-    count, last = 0, -1
-    for i in range(len(out)):
-        if out[i] < 0.0 and _is_infeasible(set_, out, slack, i):
-            count += 1
-            last = i
-    return count, last
-
-
-@njit(cache=True)
-def _change(W: Floats, set_: PivotingState, k: int) -> None:
-    if set_.active[k]:
-        _deflate(set_, k)
-    else:
-        _border(W, set_, k)
 
 
 @njit(cache=True)
@@ -224,11 +204,16 @@ def _change_until_feasible(
     active, wanted, size = set_.active, set_.wanted, 0.0
     for i in range(len(y_free)):
         size = max(size, abs(y_free[i]))
-    slack = (max(_NO_FORCE, share) * size / set_.counts.largest, max(_NO_OPENING, share) * size)
+    least_force = max(_NO_FORCE, share) * size / set_.counts.largest
+    least_opening = max(_NO_OPENING, share) * size
     best, patience, changes = len(active) + 1, _PATIENCE, 0
     while True:
         left = _evaluate(W, set_, y_free, out)
-        count, last = _infeasible(set_, out, slack)
+        count, last = 0, -1
+        for i in range(len(out)):
+            if out[i] < 0.0 and _is_infeasible(set_, out, least_force, least_opening, i):
+                count += 1
+                last = i
         if count == 0:
             return changes, left / max(size, _TINY)
         if changes >= most:
@@ -238,12 +223,15 @@ def _change_until_feasible(
         else:
             patience -= 1
         if patience <= 0:
-            _change(W, set_, last)
+            if active[last]:
+                _deflate(set_, last)
+            else:
+                _border(W, set_, last)
             changes += 1
             continue
         for i in range(len(active)):
-            wanted[i] = active[i] != _is_infeasible(set_, out, slack, i)
-        _adopt(W, set_)
+            wanted[i] = active[i] != _is_infeasible(set_, out, least_force, least_opening, i)
+        _adopt(W, set_, False)
         changes += count
 
 
@@ -290,14 +278,14 @@ def solve_unilateral(
             set_.counts.largest = max(set_.counts.largest, A[i, i])
     for i in range(n):
         set_.wanted[i] = closed[i] != dual
-    _adopt(A, set_)
+    _adopt(A, set_, False)
     out, most = set_.scratch[SOLUTION], 0 if steady else _MOST_CHANGES_PER_GAP * n
     changes, residual = _change_until_feasible(A, set_, known, out, most, 0.0)
     if steady and changes < 0:
         return np.inf
     if changes < 0 or residual > _LOST * tolerance or set_.counts.updates > _REFRESH:
         copy(set_.active, set_.wanted)
-        _rebuild(A, set_)
+        _adopt(A, set_, True)
         changes, residual = _change_until_feasible(A, set_, known, out, most, 0.0)
     if changes < 0:  # forces of gaps that determine each other lose more digits: all are within the tolerance
         changes, residual = _change_until_feasible(A, set_, known, out, most, tolerance / n)

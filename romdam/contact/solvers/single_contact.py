@@ -29,7 +29,7 @@ _ROUND_OFF = 1e-12  # relative, of one contact's state
 
 @njit(cache=True)
 def _slide(
-    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, angle: float
+    A: Floats, b: Floats, cohesion: float, mu: float, closed: bool, angle: float
 ) -> tuple[float, float, float]:
     """Force on the limit at an angle: (p_n, y_t across it, y_t along it); p_n < 0 where none fits.
 
@@ -37,7 +37,6 @@ def _slide(
     poles then, and across it is a trigonometric polynomial of degree two. Where that stiffness is negative,
     mu large and the coupling strong, a gap can be closed that could be open too.
     """
-    cohesion, mu = bound
     e_j, e_k = math.cos(angle), math.sin(angle)
     pull = A[NORMAL, SHEAR_J] * e_j + A[NORMAL, SHEAR_K] * e_k
     push, stiff = -b[NORMAL] - cohesion * pull, A[NORMAL, NORMAL] + mu * pull
@@ -57,15 +56,14 @@ def _slide(
 
 @njit(cache=True)
 def _bottom(
-    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, ends: tuple[float, float]
+    A: Floats, b: Floats, cohesion: float, mu: float, closed: bool, left: float, right: float
 ) -> float:
     """Angle in between where y_t across it is smallest, or where its sign is another one than at the ends."""
-    left, right = ends
-    sign = math.copysign(1.0, _slide(A, b, bound, closed, left)[1])
+    sign = math.copysign(1.0, _slide(A, b, cohesion, mu, closed, left)[1])
     for _ in range(_BISECTIONS):
         third = (right - left) / 3.0
-        lower = sign * _slide(A, b, bound, closed, left + third)[1]
-        upper = sign * _slide(A, b, bound, closed, right - third)[1]
+        lower = sign * _slide(A, b, cohesion, mu, closed, left + third)[1]
+        upper = sign * _slide(A, b, cohesion, mu, closed, right - third)[1]
         if lower <= 0.0:
             return left + third
         if lower < upper:
@@ -77,54 +75,47 @@ def _bottom(
 
 @njit(cache=True)
 def _slides_between(
-    A: Floats, b: Floats, bound: tuple[float, float], closed: bool, ends: tuple[float, float], p: Floats
+    A: Floats, b: Floats, cohesion: float, mu: float, closed: bool, left: float, right: float, p: Floats
 ) -> bool:
     """Slide against the jump at the angle in between where y_t across it vanishes; whether that can be."""
-    left, right = ends
-    rising = _slide(A, b, bound, closed, right)[1] > _slide(A, b, bound, closed, left)[1]
+    rising = _slide(A, b, cohesion, mu, closed, right)[1] > _slide(A, b, cohesion, mu, closed, left)[1]
     for _ in range(_BISECTIONS):
         middle = 0.5 * (left + right)
-        if (_slide(A, b, bound, closed, middle)[1] > 0.0) == rising:
+        if (_slide(A, b, cohesion, mu, closed, middle)[1] > 0.0) == rising:
             right = middle
         else:
             left = middle
-    p_n, _, along = _slide(A, b, bound, closed, left)
+    p_n, _, along = _slide(A, b, cohesion, mu, closed, left)
     if p_n < 0.0 or along > 0.0:
         return False
-    cohesion, mu = bound
     t = shear_limit(cohesion, mu, p_n)
     p[NORMAL], p[SHEAR_J], p[SHEAR_K] = p_n, t * math.cos(left), t * math.sin(left)
     return True
 
 
 @njit(cache=True)
-def _sliding(A: Floats, b: Floats, bound: tuple[float, float], p: Floats) -> bool:
+def _sliding(A: Floats, b: Floats, cohesion: float, mu: float, p: Floats) -> bool:
     """Slide on the resultant limit against the jump; whether there is such a solution."""
     cell = 2.0 * math.pi / _ANGLES
     for closed in (False, True):
-        before, here = _slide(A, b, bound, closed, -cell)[1], _slide(A, b, bound, closed, 0.0)[1]
+        before, here = (
+            _slide(A, b, cohesion, mu, closed, -cell)[1],
+            _slide(A, b, cohesion, mu, closed, 0.0)[1],
+        )
         for n in range(_ANGLES):
             angle = cell * n
-            after = _slide(A, b, bound, closed, angle + cell)[1]
+            after = _slide(A, b, cohesion, mu, closed, angle + cell)[1]
             low, high, middle = angle, angle + cell, angle + cell
             if here * after > 0.0 and abs(here) <= min(abs(before), abs(after)):  # two roots in a cell?
                 low = angle - cell
-                middle = _bottom(A, b, bound, closed, (low, high))
-            crosses = _slide(A, b, bound, closed, middle)[1] * here <= 0.0
-            if crosses and _slides_between(A, b, bound, closed, (low, middle), p):
+                middle = _bottom(A, b, cohesion, mu, closed, low, high)
+            crosses = _slide(A, b, cohesion, mu, closed, middle)[1] * here <= 0.0
+            if crosses and _slides_between(A, b, cohesion, mu, closed, low, middle, p):
                 return True
-            if crosses and middle < high and _slides_between(A, b, bound, closed, (middle, high), p):
+            if crosses and middle < high and _slides_between(A, b, cohesion, mu, closed, middle, high, p):
                 return True
             before, here = here, after
     return False
-
-
-@njit(cache=True)
-def _fits(y: float, p: float, limit: float, state: int) -> bool:
-    """Tell whether a shear component sticks within its limit, or slides against its jump."""
-    if state == 0:
-        return abs(p) <= limit * (1.0 + _ROUND_OFF)
-    return y * state <= 0.0
 
 
 @njit(cache=True)
@@ -159,7 +150,10 @@ def _combination(
     good = solution[NORMAL] >= 0.0 if closed else _row(A, NORMAL, solution, b) >= 0.0
     for a in range(2):
         limit = shear_limit(cohesion[a], mu[a], solution[NORMAL])
-        good = good and _fits(_row(A, SHEAR_J + a, solution, b), solution[SHEAR_J + a], limit, moves[a])
+        if moves[a] == 0:
+            good = good and abs(solution[SHEAR_J + a]) <= limit * (1.0 + _ROUND_OFF)
+        else:  # slides against its jump
+            good = good and _row(A, SHEAR_J + a, solution, b) * moves[a] <= 0.0
     if good:
         copy(solution, p)
     return good
@@ -184,7 +178,7 @@ def solve_gap(A: Floats, b: Floats, cohesion: Floats, mu: Floats, p: Floats) -> 
             if good and math.hypot(stuck[SHEAR_J], stuck[SHEAR_K]) <= limit:
                 copy(stuck, p)
                 return True
-        return math.isfinite(cohesion[ALONG_J]) and _sliding(A, b, (cohesion[ALONG_J], mu[ALONG_J]), p)
+        return math.isfinite(cohesion[ALONG_J]) and _sliding(A, b, cohesion[ALONG_J], mu[ALONG_J], p)
     for closed in (False, True):
         for j in (0, 1, -1):
             for k in (0, 1, -1):

@@ -58,8 +58,8 @@ class Adaptive(ModalIntegrator):
         self, simulations: Sequence[Simulation], settings: Settings, progress: Progress
     ) -> list[Outcome]:
         """Integrate with equivalent contacts merged where there are some, and expand the histories."""
-        smaller, own = self._smaller(simulations, settings)
-        outcomes = super().advance(smaller, own, progress)
+        smaller, settings_of_smaller = self._smaller(simulations, settings)
+        outcomes = super().advance(smaller, settings_of_smaller, progress)
         for i, ((prepared, _), outcome) in enumerate(zip(smaller, outcomes, strict=True)):
             if prepared.symmetry is not None and isinstance(outcome, History):
                 outcomes[i] = expand(outcome, prepared.symmetry)
@@ -89,6 +89,6 @@ class Adaptive(ModalIntegrator):
         key = shaken.tobytes()
         if key not in prepared.merged:
             active = np.flatnonzero(shaken)
-            symmetry = merge_equivalent_contacts(prepared.system, active, prepared.found)
+            symmetry = merge_equivalent_contacts(prepared.system, active, prepared.symmetries)
             prepared.merged[key] = None if symmetry is None else prepared.smaller(symmetry)
         return prepared.merged[key] or prepared

@@ -82,22 +82,6 @@ def scheme_rates(s: Scheme, dt: float, angle: Floats) -> tuple[Complex, Complex]
     return weight * (z - 1.0) ** 2 / (moved * dt), (z - 1.0) * rate / moved
 
 
-@dataclass(frozen=True)
-class _Stepper:
-    """Constants of the scheme: factors of A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K), X = A^-T B^T.
-
-    H is symmetric with a gyroscopic C too, whose transpose has the signs of the water changed.
-    """
-
-    system: System
-    scheme: Scheme
-    dt: float
-    factor: Factor
-    X: Floats
-    operator: csr_matrix
-    problem: GapProblem
-
-
 class _State:
     """Displacement, velocity, acceleration, inertia M a, gaps and works at the last accepted step."""
 
@@ -121,97 +105,96 @@ class _State:
                 getattr(self.gaps, name)[:] = 0.0
 
 
-def _compile(problem: GapProblem) -> None:
-    """Solve an unloaded step, so that a first start compiles here and not in the timed loop."""
-    memory, n, N = gap_memory(problem), len(problem.gap), len(problem.W)
-    y, d = np.zeros(N), N // max(n, 1)
-    solve_gaps(problem, memory, np.zeros(n, dtype=np.bool_), np.zeros(N), y, (1.0, False))
-    commit_gaps(problem, memory, y, new_gap_arrays(n, d))
+@dataclass(frozen=True)
+class _Stepper:
+    """Constants of the scheme, and its step.
 
+    A = (1-a_m) M + (1-a_f)(gamma dt C + beta dt^2 K) is factored, and X = A^-T B^T. H is symmetric with a
+    gyroscopic C too, whose transpose has the signs of the water changed.
 
-def _stepper(system: System, options: GeneralizedAlpha, dt: float) -> _Stepper:
-    s = scheme(options.rho_inf)
-    A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
-    less = None if system.drag is None else np.sqrt((1.0 - s.a_f) * s.gamma * dt) * system.drag
-    factor = Factor(A, less)
-    X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
-    H = s.beta * dt**2 * np.asarray(system.B @ X)
-    problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if options.midpoint else 0.0)
-    return _Stepper(system, s, dt, factor, X, csr_matrix(system.B), problem)
-
-
-def _step(
-    stepper: _Stepper,
-    memory: GapMemory,
-    state: _State,
-    motion: Floats,
-    carried: Carried,
-    tolerance: float,
-    interval: float,
-) -> float:
-    """Advance one step in place; the relative residual of the gap-space problem.
-
-    Parameters
-    ----------
-    motion : (k, 2) what the columns of the load follow, at both ends of the step
-    carried : jumps that moving supports make at its end
-    interval : of the written rows [s]
+    The scheme takes energy from the motion besides the work of damping. The balance of a step times its
+    displacement du, less the changes of the energies and the work of the mean ground acceleration g, is that
+    energy. With d = 1/2 - a_f and k = beta - gamma/2, the balance holds M (dv/dt + d da), K (u_mean + d du)
+    and load (g_mean + d dg), and dt v_mean = du - k dt^2 da; so it is d du.(K du + M da + load dg) +
+    k dt dv.M da.
     """
-    s, dt, system = stepper.scheme, stepper.dt, stepper.system
-    u_old, v_old, inertia_old = state.u, state.v, state.inertia
-    u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
-    v_star = v_old + dt * (1.0 - s.gamma) * state.a
-    before, after = motion.T
-    external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
-    right = external - s.a_m * inertia_old
-    right -= system.damping_force((1.0 - s.a_f) * v_star + s.a_f * v_old)
-    right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
-    w_free = stepper.operator @ u_star + s.beta * dt**2 * (stepper.X.T @ right) + carried.jump
-    y = np.empty(len(w_free))
-    residual = float(solve_gaps(stepper.problem, memory, state.gaps.state > 0, w_free, y, (tolerance, False)))
-    if not residual <= tolerance:
+
+    system: System
+    scheme: Scheme
+    dt: float
+    factor: Factor
+    X: Floats
+    operator: csr_matrix
+    problem: GapProblem
+
+    @classmethod
+    def factored(cls, system: System, s: Scheme, dt: float, midpoint: bool) -> Self:
+        """Factor A, and make the gaps' problem of a step of dt [s]."""
+        A = (1.0 - s.a_m) * system.M + (1.0 - s.a_f) * (s.gamma * dt * system.C + s.beta * dt**2 * system.K)
+        less = None if system.drag is None else np.sqrt((1.0 - s.a_f) * s.gamma * dt) * system.drag
+        factor = Factor(A, less)
+        X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
+        H = s.beta * dt**2 * np.asarray(system.B @ X)
+        problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if midpoint else 0.0)
+        return cls(system, s, dt, factor, X, csr_matrix(system.B), problem)
+
+    def advance(
+        self,
+        memory: GapMemory,
+        state: _State,
+        motion: Floats,
+        carried: Carried,
+        tolerance: float,
+        interval: float,
+    ) -> float:
+        """Advance one step in place; the relative residual of the gap-space problem.
+
+        Parameters
+        ----------
+        motion : (k, 2) what the columns of the load follow, at both ends of the step
+        carried : jumps that moving supports make at its end
+        interval : of the written rows [s]
+        """
+        s, dt, system = self.scheme, self.dt, self.system
+        u_old, v_old, inertia_old = state.u, state.v, state.inertia
+        u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
+        v_star = v_old + dt * (1.0 - s.gamma) * state.a
+        before, after = motion.T
+        external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
+        right = external - s.a_m * inertia_old
+        right -= system.damping_force((1.0 - s.a_f) * v_star + s.a_f * v_old)
+        right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
+        w_free = self.operator @ u_star + s.beta * dt**2 * (self.X.T @ right) + carried.jump
+        y = np.empty(len(w_free))
+        residual = float(solve_gaps(self.problem, memory, state.gaps.state > 0, w_free, y, tolerance, False))
+        if not residual <= tolerance:
+            return residual
+        gaps, energies = state.gaps, state.energies
+        jump_old = gaps.jump.copy()
+        energies.stored, friction, fed = commit_gaps(self.problem, memory, y, gaps)
+        acting = with_water(memory.force.reshape(gaps.jump.shape), memory.water)
+        acting[:, NORMAL] -= self.problem.tension * gaps.jump[:, NORMAL]
+        right += self.operator.T @ acting.ravel()
+        state.a = self.factor.solve(right)
+        gaps.mean_traction[:] += dt / interval * acting
+        state.u = u_star + s.beta * dt**2 * state.a
+        state.v = v_star + s.gamma * dt * state.a
+        state.inertia = system.M @ state.a
+        moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
+        damping = system.damping_force(rate)
+        energies.input += float((system.force - system.load @ motion.mean(axis=1)) @ moved) + fed
+        energies.damping += dt * float(rate @ damping)
+        energies.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
+        energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
+        state.carried = carried
+        energies.friction += friction
+        # taken by the scheme: d du.(K du + M da + load dg) + k dt dv.M da, see the class
+        M_da, dv = state.inertia - inertia_old, state.v - v_old
+        force = system.K @ moved + M_da + system.load @ (after - before)
+        taken = (0.5 - s.a_f) * (moved @ force) + (s.beta - 0.5 * s.gamma) * dt * (dv @ M_da)
+        state.numerical += float(taken)
+        state.numerical += float((moved - dt * rate) @ damping)
         return residual
-    gaps, energies = state.gaps, state.energies
-    jump_old = gaps.jump.copy()
-    energies.stored, friction, fed = commit_gaps(stepper.problem, memory, y, gaps)
-    acting = with_water(memory.force.reshape(gaps.jump.shape), memory.water)
-    acting[:, NORMAL] -= stepper.problem.tension * gaps.jump[:, NORMAL]
-    right += stepper.operator.T @ acting.ravel()
-    state.a = stepper.factor.solve(right)
-    gaps.mean_traction[:] += dt / interval * acting
-    state.u = u_star + s.beta * dt**2 * state.a
-    state.v = v_star + s.gamma * dt * state.a
-    state.inertia = system.M @ state.a
-    moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
-    damping = system.damping_force(rate)
-    energies.input += float((system.force - system.load @ motion.mean(axis=1)) @ moved) + fed
-    energies.damping += dt * float(rate @ damping)
-    energies.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
-    energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
-    state.carried = carried
-    energies.friction += friction
-    state.numerical += _numerical(stepper, moved, state.v - v_old, state.inertia - inertia_old, motion)
-    state.numerical += float((moved - dt * rate) @ damping)
-    return residual
-
-
-def _numerical(stepper: _Stepper, du: Floats, dv: Floats, M_da: Floats, motion: Floats) -> float:
-    """Energy that the scheme takes from the motion over a step, besides the work of damping [J].
-
-    The balance of a step times its displacement du, less the changes of the energies and the work of the
-    mean ground acceleration g. With d = 1/2 - a_f and k = beta - gamma/2, the balance holds
-    M (dv/dt + d da), K (u_mean + d du) and load (g_mean + d dg), and dt v_mean = du - k dt^2 da; so what is
-    left is d du.(K du + M da + load dg) + k dt dv.M da.
-
-    Parameters
-    ----------
-    du, dv, M_da : changes of displacement and velocity over the step, and of the inertia M a
-    """
-    s, system = stepper.scheme, stepper.system
-    before, after = motion.T
-    force = system.K @ du + M_da + system.load @ (after - before)
-    taken = (0.5 - s.a_f) * (du @ force) + (s.beta - 0.5 * s.gamma) * stepper.dt * (dv @ M_da)
-    return float(taken)
 
 
 class _Recorded(NamedTuple):
@@ -364,7 +347,9 @@ class GeneralizedAlpha:
         start = cpu_time()
         (prepared, ground), tolerance = simulation, settings.tolerance
         dt, system = settings.steps.base, prepared.system
-        stepper = prepared.cache.get_or_compute(("stepper", dt), lambda: _stepper(system, self, dt))
+        stepper = prepared.cache.get_or_compute(
+            ("stepper", dt), lambda: _Stepper.factored(system, scheme(self.rho_inf), dt, self.midpoint)
+        )
         memory = gap_memory(stepper.problem)
         q, gaps = initial_state(prepared, settings)
         take_over(memory, gaps)
@@ -372,7 +357,11 @@ class GeneralizedAlpha:
         motion, lead, added = system.followed(histories.rows), histories.lead, settings.shift
         supports = histories.rows.get(Motion.SUPPORTS_DISPLACEMENT, np.zeros((0, motion.shape[1])))
         state = _State(system, q, gaps, motion.T[0])
-        _compile(stepper.problem)
+        # an unloaded step, so that a first start compiles here and not in the timed loop
+        n, N, unloaded = len(system.law), len(stepper.problem.W), gap_memory(stepper.problem)
+        y = np.zeros(N)
+        solve_gaps(stepper.problem, unloaded, np.zeros(n, dtype=np.bool_), np.zeros(N), y, 1.0, False)
+        commit_gaps(stepper.problem, unloaded, y, new_gap_arrays(n, N // max(n, 1)))
         setup, loop = cpu_time() - start, cpu_time()
         total = ground.shape[1] - 1
 
@@ -380,12 +369,12 @@ class GeneralizedAlpha:
             end = None if added is None else added[max(n + 1, 0)]
             carried = state.carried.after(supports[:, lead + n + 1], end)
             ends, interval = motion[:, lead + n : lead + n + 2], settings.steps.interval
-            residual = _step(stepper, memory, state, ends, carried, tolerance, interval)
-            place = system.law.place(int(memory.failure.gap))
-            if failed := failed_law(stepper.problem.laws, memory, place):
+            residual = stepper.advance(memory, state, ends, carried, tolerance, interval)
+            gap = system.law.gap_name(int(memory.failure.gap))
+            if failed := failed_law(stepper.problem.laws, memory, gap):
                 raise ConvergenceError(failed)
             if not residual <= tolerance:
-                raise ConvergenceError(not_converged(n + 1, settings, residual, place))
+                raise ConvergenceError(not_converged(n + 1, settings, residual, gap))
             return residual
 
         worst = max((advance(n) for n in range(-lead, 0)), default=0.0)
@@ -396,12 +385,12 @@ class GeneralizedAlpha:
             rows.keep(state, n + 1)
             if (n + 1) % 100 == 0 or n + 1 == total:
                 progress(n + 1, total)
-        iterations_made, most_iterations = iterations(memory.solver)
+        all_iterations, most_iterations = iterations(memory.solver)
         stats = {
             "steps": float(total),
             "base_step": dt,
             "finest_step": dt,
-            "solver_iterations": iterations_made,
+            "solver_iterations": all_iterations,
             "largest_iterations": most_iterations,
             "largest_residual": worst,
             "setup_cpu_seconds": setup,

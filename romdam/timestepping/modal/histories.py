@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -33,28 +33,40 @@ def history_of_rows(
 
     Parameters
     ----------
-    rows : its own
+    rows : of this run
     acc : (loads, nt) what shakes the model in them
     """
-    system = prepared.system
+    system, dynamic = prepared.system, split.dynamic
+    k, c = system.K.diagonal()[dynamic], system.C.diagonal()[dynamic]
     coordinates, energy = None, dict[str, Floats]()
     time = np.arange(len(rows.q), dtype=np.float64) * settings.steps.interval
     follows = acc.T.copy()
     follows[:1] = 0.0  # the first row is the state that the run begins in
-    jump = _at_points(prepared, split, rows, follows)
+    jump = rows.gaps.jump
+    if system.at_point is not None:
+        at_points = _Observed.of(prepared, split, "at_point").displacement(rows, follows)
+        jump = jump + at_points.reshape(jump.shape)
     if settings.only_jumps:
         rows, acc, follows = at(rows, slice(0)), acc[:, :0], follows[:0]
     else:
         coordinates = Coordinates(partial(_whole_motion, system, split, rows, follows))
-        kinetic = 0.5 * (rows.v**2).sum(axis=1)
-        energy = ledger(rows.energies, kinetic, _strain(system, model, split, rows))
-    seen = _observed(prepared, split, "observe")
+        kinetic, strain = 0.5 * (rows.v**2).sum(axis=1), 0.5 * (rows.q**2) @ k
+        if len(model.R):  # the relaxed flexibility
+            strain = strain + 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)
+        energy = ledger(rows.energies, kinetic, np.asarray(strain))
+    observed = _Observed.of(prepared, split, "observe")
+    # acceleration of the dynamic modes alone, from their equations of motion
+    seen = system.observe.toarray().T[dynamic]
+    observed_acc = model.static @ seen - acc.T @ (system.load[dynamic].T @ seen)
+    force = with_water(rows.gaps.traction, rows.gaps.water)
+    observed_acc += force.reshape(len(force), len(split.G)) @ (split.G @ seen)
+    observed_acc -= rows.v @ (c[:, None] * seen) + rows.q @ (k[:, None] * seen)
     return History(
         **gap_fields(rows.gaps) | {"jump": jump},
         time=time,
-        disp=seen.displacement(rows, follows),
-        vel=rows.v @ seen.states.T,
-        acc=_observed_acceleration(system, model, split, rows, acc),
+        disp=observed.displacement(rows, follows),
+        vel=rows.v @ observed.states.T,
+        acc=np.asarray(observed_acc),
         coordinates=coordinates,
         energy=energy,
         peaks={},
@@ -79,6 +91,29 @@ class _Observed(NamedTuple):
     rest: Floats
     ground: Floats
 
+    @classmethod
+    def of(cls, prepared: Prepared, split: ModeSplit, name: str) -> Self:
+        """Operators of what the system's operator of that name, on all modes, sees; made once."""
+        key = ("observed", name, *split.key)
+        return prepared.cache.get_or_compute(key, lambda: cls.computed(prepared.system, split, name))
+
+    @classmethod
+    def computed(cls, system: System, split: ModeSplit, name: str) -> Self:
+        """See `of`."""
+        seen, k = getattr(system, name), system.K.diagonal()
+        quasi_static = seen[:, split.quasi_static].toarray().T
+        flexible = quasi_static / k[split.quasi_static, None]
+        forces, states = split.G_quasi @ flexible, seen[:, split.dynamic]
+        tapered = np.flatnonzero(split.taper < 1.0)
+        if len(tapered):
+            left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.dynamic[tapered]]
+            forces += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
+        states = states.multiply(split.taper).tocsr()
+        if name == "observe" or states.nnz > _DENSE * states.shape[0] * states.shape[1]:  # probes are few
+            states = states.toarray()
+        ground = split.ground_answer(system).T @ quasi_static
+        return cls(states, forces, system.force[split.quasi_static] @ flexible, ground)
+
     def displacement(self, rows: Recorded, acc: Floats) -> Floats:
         """(nt, r) in the rows, the ground's acceleration in them (nt, loads)."""
         disp = rows.q @ self.states.T + self.rest
@@ -89,38 +124,8 @@ class _Observed(NamedTuple):
         return np.asarray(disp)
 
 
-def _observed(prepared: Prepared, split: ModeSplit, name: str) -> _Observed:
-    """Operators for what one of the system's own, on all modes, sees; made once."""
-    make = partial(_make_observed, prepared.system, split, name)
-    return prepared.cache.get_or_compute(("observed", name, *split.key), make)
-
-
-def _make_observed(system: System, split: ModeSplit, name: str) -> _Observed:
-    seen, k = getattr(system, name), system.K.diagonal()
-    quasi_static = seen[:, split.quasi_static].toarray().T
-    flexible = quasi_static / k[split.quasi_static, None]
-    forces, states = split.G_quasi @ flexible, seen[:, split.dynamic]
-    tapered = np.flatnonzero(split.taper < 1.0)
-    if len(tapered):
-        left = (1.0 / split.taper[tapered] - split.taper[tapered]) / k[split.dynamic[tapered]]
-        forces += (split.G[:, tapered] * left) @ states[:, tapered].toarray().T
-    states = states.multiply(split.taper).tocsr()
-    if name == "observe" or states.nnz > _DENSE * states.shape[0] * states.shape[1]:  # probes are few
-        states = states.toarray()
-    ground = split.ground_answer(system).T @ quasi_static
-    return _Observed(states, forces, system.force[split.quasi_static] @ flexible, ground)
-
-
-def _at_points(prepared: Prepared, split: ModeSplit, rows: Recorded, acc: Floats) -> Floats:
-    """Jumps at the gaps' very positions."""
-    if prepared.system.at_point is None:
-        return rows.gaps.jump
-    more = _observed(prepared, split, "at_point").displacement(rows, acc)
-    return rows.gaps.jump + more.reshape(rows.gaps.jump.shape)
-
-
 def _whole_motion(
-    system: System, split: ModeSplit, every: Recorded, acc: Floats, chosen: slice
+    system: System, split: ModeSplit, all_rows: Recorded, acc: Floats, chosen: slice
 ) -> tuple[Floats, Floats]:
     """All modes' displacements and velocities; quasi-static ones answer joint forces and the ground.
 
@@ -128,7 +133,7 @@ def _whole_motion(
     ----------
     acc : (nt, loads) ground acceleration in every row
     """
-    rows = at(every, chosen)
+    rows = at(all_rows, chosen)
     q, v = np.zeros((len(rows.q), system.size)), np.zeros((len(rows.q), system.size))
     q[:, split.dynamic], v[:, split.dynamic] = rows.q * split.taper, rows.v * split.taper
     tapered = np.flatnonzero(split.taper < 1.0)
@@ -141,24 +146,3 @@ def _whole_motion(
         q[:, split.quasi_static] = (rows.s @ split.G_quasi + system.force[split.quasi_static]) / k
         q[:, split.quasi_static] += acc[chosen] @ split.ground_answer(system).T
     return q, v
-
-
-def _observed_acceleration(
-    system: System, model: ModalModel, split: ModeSplit, rows: Recorded, acc: Floats
-) -> Floats:
-    """(nt, r) of the dynamic modes alone, from their equations of motion."""
-    k, c = system.K.diagonal()[split.dynamic], system.C.diagonal()[split.dynamic]
-    seen = system.observe.toarray().T[split.dynamic]
-    rate = model.static @ seen - acc.T @ (system.load[split.dynamic].T @ seen)
-    force = with_water(rows.gaps.traction, rows.gaps.water)
-    rate += force.reshape(len(force), len(split.G)) @ (split.G @ seen)
-    rate -= rows.v @ (c[:, None] * seen) + rows.q @ (k[:, None] * seen)
-    return np.asarray(rate)
-
-
-def _strain(system: System, model: ModalModel, split: ModeSplit, rows: Recorded) -> Floats:
-    """(nt,) strain energy of the states and of the relaxed flexibility [J]."""
-    strain = 0.5 * (rows.q**2) @ system.K.diagonal()[split.dynamic]
-    if len(model.R):
-        strain += 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)
-    return np.asarray(strain)

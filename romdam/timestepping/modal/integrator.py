@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from romdam.core.arrays import Floats
@@ -82,39 +82,35 @@ class ModalIntegrator:
         """Integrate the simulations in batches whose systems have the same dynamic modes and kind of gaps."""
         outcomes: dict[int, Outcome] = {}
         total = sum(one.ground.shape[1] - 1 for one in simulations)
-        for batch in _batches(_groups(simulations, settings.steps.base), simulations):
+        for batch in _batches(simulations, settings.steps.base):
             before = sum(simulations[i].ground.shape[1] - 1 for i in outcomes)
 
             def report(done: int, _: int, before: int = before) -> None:
                 progress(before + done, total)
 
-            made = integrate_batch([simulations[i] for i in batch], self, settings, report)
-            outcomes.update(zip(batch, made, strict=True))
+            results = integrate_batch([simulations[i] for i in batch], self, settings, report)
+            outcomes.update(zip(batch, results, strict=True))
         return [outcomes[i] for i in range(len(simulations))]
 
 
-def _groups(simulations: Sequence[Simulation], step: float) -> Iterable[list[int]]:
-    """Numbers of the simulations whose arrays can stand side by side."""
-    groups: dict[tuple[object, ...], list[int]] = {}
+def _batches(simulations: Sequence[Simulation], step: float) -> Iterator[list[int]]:
+    """Numbers of the simulations to take together: arrays can stand side by side, and runs gain by it.
+
+    The products with the modes gain by it, little since those of a lone run take four rows at a time. What
+    the gaps carry from step to step (an inverse, or the gathered Delassus operator) is each run's own, and
+    beyond a core's cache runs crowd each other out (`tests/benchmarks/bench_batch.py`): then every run is a
+    batch by itself.
+    """
+    groups: dict[tuple[object, ...], list[int]] = {}  # whose arrays can stand side by side
     for i, (prepared, _) in enumerate(simulations):
         law, symmetry = prepared.system.law, prepared.symmetry
         integrator = prepared.integrator
         assert isinstance(integrator, ModalIntegrator)
         merged = b"" if symmetry is None else symmetry.gaps.tobytes()
-        laws = law.has_memory, tuple(one.law for one in law.laws), bool(law.has_memory and law.mu.any())
+        laws = law.has_memory, tuple(rows.law for rows in law.laws), bool(law.has_memory and law.mu.any())
         gaps = (law.directions, *laws, bool(law.K_nz.any()), merged)
         groups.setdefault((integrator.split(prepared, step).dynamic.tobytes(), *gaps), []).append(i)
-    return groups.values()
-
-
-def _batches(groups: Iterable[list[int]], simulations: Sequence[Simulation]) -> Iterator[list[int]]:
-    """The groups, where runs gain by being taken together: else every run of them by itself.
-
-    The products with the modes gain by it, little since those of a lone run take four rows at a time. What
-    the gaps carry from step to step (an inverse, or the gathered Delassus operator) is each run's own, and
-    beyond a core's cache runs crowd each other out (`tests/benchmarks/bench_batch.py`).
-    """
-    for group in groups:
+    for group in groups.values():
         law = simulations[group[0]].prepared.system.law
         carried = 8.0 * (law.directions * len(law)) ** 2
         most = len(group) if carried < _CACHE_BYTES else 1

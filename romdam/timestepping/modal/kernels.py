@@ -44,7 +44,7 @@ class Rows(NamedTuple):
 
     Attributes
     ----------
-    first : place of the first one's first value
+    first : index of the first value
     number, length : how many they are, and their values
     row, column : of the first value in the matrix
     """
@@ -148,7 +148,7 @@ def add_rows(A: Floats, p: Floats, y: Floats) -> None:
 
 @njit(cache=True, forceinline=True)
 def _band(row: int, end: int, columns: tuple[int, int], first: int) -> Rows:
-    """Rows before `end` that all runs take before the next ones; their values begin at place `first`."""
+    """Rows before `end` that all runs take before the next ones; their values begin at `first`."""
     (begin, stop), number = columns, min(_BAND, end - row)
     return Rows(PLACE(first), PLACE(number), PLACE(stop - begin), PLACE(row), PLACE(begin))
 
@@ -178,7 +178,7 @@ def added_jumps(model: ModalModel, sample: int, acc: Floats, jump: Floats) -> No
 
 @njit(cache=True)
 def add_carried(
-    carried: Floats | None, motion: Floats, first: int, within: tuple[float, float], jump: Floats
+    carried: Floats | None, motion: Floats, first: int, share: float, dt: float, jump: Floats
 ) -> None:
     """Add the jumps that moving supports make within a base step, exactly for linear acceleration.
 
@@ -187,11 +187,11 @@ def add_carried(
     carried : (N, m)
     motion : (3 m, samples) acceleration, velocity and displacement of the supports
     first : sample at which the base step begins
-    within : how far into it, from 0 to 1, and its length [s]
+    share : how far into it, from 0 to 1
+    dt : its length [s]
     """
     if carried is None:
         return
-    share, dt = within
     t, m = share * dt, carried.shape[1]
     for k in range(m):
         start, change = motion[k, first], motion[k, first + 1] - motion[k, first]
@@ -211,7 +211,7 @@ def free_motion(step: Propagator, state: ModalState, f_1: Floats, q_free: Floats
 
 @njit(cache=True, **_SUMS, forceinline=True)
 def advance(
-    step: Propagator, state: ModalState, force: tuple[Floats, Floats], q_free: Floats
+    step: Propagator, state: ModalState, f_1: Floats, r: Floats, q_free: Floats
 ) -> tuple[float, float, float]:
     """Move the modes to the step's end; work of external and joint force, and damping loss, in the step.
 
@@ -220,10 +220,11 @@ def advance(
 
     Parameters
     ----------
-    force : (m,) external force at the step's end, and joint force over the step
+    f_1 : (m,) external force at the step's end
+    r : (m,) joint force over the step
     q_free : (m,) displacement at the step's end without joint force
     """
-    (f_1, r), m = force, len(q_free)
+    m = len(q_free)
     q, v, f = state.recorded.q, state.recorded.v, state.f
     work, joint, loss = 0.0, 0.0, 0.0
     rate, A, D, q_p = 1.0 / step.dt, step.moment, step.loss, step.q_p

@@ -27,9 +27,8 @@ from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import shear_limits, slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import PLACE, Floats, Record, at, put
+from romdam.core.arrays import PLACE, Floats, at, put
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
-from romdam.core.recorded import GapArrays
 from romdam.core.system import STICK
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -52,61 +51,29 @@ from romdam.timestepping.modal.kernels import (
     residual_jumps,
 )
 from romdam.timestepping.modal.massless_boundary import try_conserving
-from romdam.timestepping.modal.propagator import Propagator
 
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
 
 
 @njit(cache=True, inline="always")
-def _step_of(levels: StepHierarchy, runs: Batch, run: int) -> Propagator:
-    """Views of the step coefficients at a run's level."""
-    return at(levels.step, (runs.variant[run].step, runs.clock[run].level))
-
-
-@njit(cache=True, inline="always")
 def _gaps_of(levels: StepHierarchy, runs: Batch, run: int) -> tuple[GapProblem, GapMemory]:
     """Views of the gap-space problem at a run's level."""
-    level, one = runs.clock[run].level, at(runs.memory, run)
+    level, memory_of_run = runs.clock[run].level, at(runs.memory, run)
     memory = GapMemory(
-        force=one.force,
-        accumulated_slip=one.accumulated_slip,
-        limits=one.limits,
-        history=one.history,
-        trial=one.trial,
-        limit=one.limit,
-        step=one.step,
-        last_step=one.last_step,
-        water=one.water,
-        spring=one.spring,
-        failure=one.failure,
+        force=memory_of_run.force,
+        accumulated_slip=memory_of_run.accumulated_slip,
+        limits=memory_of_run.limits,
+        history=memory_of_run.history,
+        trial=memory_of_run.trial,
+        limit=memory_of_run.limit,
+        step=memory_of_run.step,
+        last_step=memory_of_run.last_step,
+        water=memory_of_run.water,
+        spring=memory_of_run.spring,
+        failure=memory_of_run.failure,
         solver=at(runs.solver, (run, level)),
     )
     return at(levels.problem, (runs.variant[run].problem, level)), memory
-
-
-@njit(cache=True)
-def _raise_peaks(peaks: Record, gaps: GapArrays, time: float) -> None:
-    for i in range(len(peaks)):
-        peak, opening = peaks[i], gaps.jump[i, NORMAL]
-        if opening > peak.opening:
-            peak.opening = opening
-            peak.opening_time = time
-        peak.compression = max(peak.compression, gaps.traction[i, NORMAL])
-        if gaps.jump.shape[1] == 3:
-            slip = np.sqrt(gaps.jump[i, SHEAR_J] ** 2 + gaps.jump[i, SHEAR_K] ** 2)
-            peak.slip = max(peak.slip, slip)
-
-
-@njit(cache=True, inline="always")
-def _keeps_within(problem: GapProblem, memory: GapMemory, old_force: Floats, most: float) -> bool:
-    """Tell whether the change of no gap's normal force moves its jump farther over the step than `most`."""
-    n = len(problem.gap)
-    d = len(memory.force) // max(n, 1)
-    for i in range(n):
-        b = PLACE(d * i)
-        if not problem.self_flexibility[b] * abs(memory.force[b] - old_force[b]) <= most:
-            return False
-    return True
 
 
 @njit(cache=True)
@@ -120,7 +87,7 @@ def _slides(memory: GapMemory, i: int) -> bool:
 
 
 @njit(cache=True)
-def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: Floats, most: float) -> bool:
+def _slides_on(memory: GapMemory, rates: Floats, last_step: float, dt: float, y: Floats, most: float) -> bool:
     """Tell whether every gap that slides over a step still slides the same way at its end.
 
     A gap that turns back within a step is braked in the wrong sense until its end, which pushes it back too
@@ -129,16 +96,15 @@ def _slides_on(memory: GapMemory, rates: Floats, steps: tuple[float, float], y: 
     Parameters
     ----------
     rates : (n, 2) mean slip rates of the last step [m/s]
-    steps : the last step and this one [s]
+    last_step, dt : the last step and this one [s]
     y : (N,) slip over this step, along the shear directions [m]
     most : speed that is let pass [m/s]
     """
-    last, dt = steps
     for i in range(len(rates)):
         if not _slides(memory, i):
             continue
         rate_j, rate_k = y[3 * i + SHEAR_J] / dt, y[3 * i + SHEAR_K] / dt
-        further = dt / (dt + last)
+        further = dt / (dt + last_step)
         end_j = rate_j + further * (rate_j - rates[i, ALONG_J])
         end_k = rate_k + further * (rate_k - rates[i, ALONG_K])
         along = end_j * rate_j + end_k * rate_k
@@ -206,16 +172,6 @@ def _open_base_step(model: ModalModel, runs: Batch, work: Work, run: int) -> Non
 
 
 @njit(cache=True, inline="always")
-def _head_for(levels: StepHierarchy, runs: Batch, states: ModalState, work: Work, run: int) -> None:
-    """Free motion of a run over its next step, to work.f_1 and work.q_free."""
-    share = _reach(levels, runs, run)
-    f_0, f_end, f_1 = work.f_0[run], work.f_end[run], work.f_1[run]
-    for j in range(len(f_1)):
-        f_1[j] = f_0[j] + share * (f_end[j] - f_0[j])
-    free_motion(_step_of(levels, runs, run), at(states, run), f_1, work.q_free[run])
-
-
-@njit(cache=True, inline="always")
 def _reach(levels: StepHierarchy, runs: Batch, run: int) -> float:
     """End of a run's next step within its base step, from 0 to 1."""
     return (runs.clock[run].fine_steps + levels.size[runs.clock[run].level]) / levels.size[BASE]
@@ -241,15 +197,14 @@ def _try_step(
         shift[i] = start[i] + share * (end[i] - start[i])
     if model.carried is not None:
         first = runs.samples[run] + runs.clock[run].base_steps
-        add_carried(model.carried, runs.supports, first, (share, levels.step.dt[variant, BASE]), shift)
+        add_carried(model.carried, runs.supports, first, share, levels.step.dt[variant, BASE], shift)
     if runs.clock[run].evolving and l < finest:
         return False, np.inf
     copy(memory.force, old_force)
-    control = (tolerance, l < finest)
     if model.conserving is not None:
         half = levels.half[variant, l]
         residual = try_conserving(
-            model.conserving, model, half, (problem, memory), state, (w, shift, y), control
+            model.conserving, model, half, problem, memory, state, w, shift, y, tolerance, l < finest
         )
     else:
         if len(model.R):
@@ -257,14 +212,20 @@ def _try_step(
                 w[i] += levels.decay[variant, l] * state.u_r[i]
         for i in range(len(shift)):
             w[i] += shift[i]
-        residual = solve_gaps(problem, memory, state.closed, w, y, control)
+        residual = solve_gaps(problem, memory, state.closed, w, y, tolerance, l < finest)
     good = residual <= tolerance
     dt = levels.step.dt[variant, l]
-    if good and l < finest:
-        good = _keeps_within(problem, memory, old_force, runs.impulse[run] * dt)
+    if good and l < finest:  # the change of no gap's normal force moves its jump far
+        n, most = len(problem.gap), runs.impulse[run] * dt
+        d = len(memory.force) // max(n, 1)
+        for i in range(n):
+            b = PLACE(d * i)
+            if not problem.self_flexibility[b] * abs(memory.force[b] - old_force[b]) <= most:
+                good = False
+                break
     if good and l < finest:
         most = runs.shear_impulse[run]
-        good = _slides_on(memory, state.slip_rate, (runs.clock[run].last_step, dt), y, most)
+        good = _slides_on(memory, state.slip_rate, runs.clock[run].last_step, dt, y, most)
         good = good and _shears_steadily(problem, memory, state, old_force, w, work.moved[run], most * dt)
     if not good:
         copy(old_force, memory.force)
@@ -310,35 +271,29 @@ def _accept(
 
 
 @njit(cache=True, inline="always")
-def _refuse(runs: Batch, state: ModalState, run: int, finest: int, residual: float) -> None:
-    """Go a level down; at the finest the run has failed."""
-    state.tries.refused += 1
-    if runs.clock[run].level == finest:
-        state.tries.residual = residual
-        runs.failed[run] = True
-    else:
-        runs.clock[run].level += 1
-
-
-@njit(cache=True, inline="always")
 def _move(
     model: ModalModel,
     levels: StepHierarchy,
     runs: Batch,
     state: ModalState,
     work: Work,
-    stride: int,
+    buffer: HistoryBuffer,
     run: int,
 ) -> None:
-    """Modes, residual flexibility, works, mean forces and peaks of a run at the end of its accepted step."""
-    step, l, variant = _step_of(levels, runs, run), runs.clock[run].level, runs.variant[run].step
+    """Move a run over its accepted step: modes, residual flexibility, works, mean forces, peaks and clock.
+
+    At the end of a base step a row is written, and the next base step is opened.
+    """
+    clock, size, variant = runs.clock[run], levels.size, runs.variant[run].step
+    l = clock.level
+    step = at(levels.step, (variant, l))
     dt = step.dt
-    input_, joint, loss = advance(step, state, (work.f_1[run], work.r[run]), work.q_free[run])
+    input_, joint, loss = advance(step, state, work.f_1[run], work.r[run], work.q_free[run])
     if len(model.R):
         joint_r, loss_r = relax(model, state, levels.decay[variant, l], work.w[run])
         joint += joint_r
         loss += loss_r
-    gaps, energies = state.recorded.gaps, state.recorded.energies
+    gaps, energies, peaks = state.recorded.gaps, state.recorded.energies, state.peaks
     shift, last = work.shift[run], work.last_shift[run]
     for i in range(len(shift)):  # the ground does what work the joint force does on what it moves alone
         carried = state.mean[i] * (shift[i] - last[i])
@@ -348,29 +303,23 @@ def _move(
     energies.input += input_
     energies.damping += loss
     energies.joint_work += joint
-    share = dt / (stride * levels.step.dt[variant, BASE])  # of the writing interval
+    share = dt / (buffer.stride * levels.step.dt[variant, BASE])  # of the writing interval
     mean = gaps.mean_traction.reshape(gaps.mean_traction.size)
     for b in range(len(mean)):
         mean[b] += share * state.mean[b]
-    base_steps = runs.clock[run].base_steps + _reach(levels, runs, run)
-    _raise_peaks(state.peaks, gaps, levels.step.dt[variant, BASE] * base_steps)
-
-
-@njit(cache=True, inline="always")
-def _advance_clock(
-    model: ModalModel,
-    levels: StepHierarchy,
-    runs: Batch,
-    state: ModalState,
-    work: Work,
-    buffer: HistoryBuffer,
-    run: int,
-) -> None:
-    """Move a run's clock over its accepted step; write a row, choose the next level, open a base step."""
-    clock, size = runs.clock[run], levels.size
-    clock.fine_steps += size[clock.level]
+    time = levels.step.dt[variant, BASE] * (clock.base_steps + _reach(levels, runs, run))
+    for i in range(len(peaks)):
+        peak, opening = peaks[i], gaps.jump[i, NORMAL]
+        if opening > peak.opening:
+            peak.opening = opening
+            peak.opening_time = time
+        peak.compression = max(peak.compression, gaps.traction[i, NORMAL])
+        if gaps.jump.shape[1] == 3:
+            slip = np.sqrt(gaps.jump[i, SHEAR_J] ** 2 + gaps.jump[i, SHEAR_K] ** 2)
+            peak.slip = max(peak.slip, slip)
+    clock.fine_steps += size[l]
     state.tries.accepted += 1
-    if clock.level > BASE and clock.calm_steps >= _CALM and clock.fine_steps % size[clock.level - 1] == 0:
+    if l > BASE and clock.calm_steps >= _CALM and clock.fine_steps % size[l - 1] == 0:
         clock.level -= 1
         clock.calm_steps = 0
     if clock.fine_steps < size[BASE]:
@@ -379,7 +328,7 @@ def _advance_clock(
     if clock.base_steps % buffer.stride == 0:
         row = runs.rows[run] + clock.base_steps // buffer.stride
         put(buffer.rows, row, state.recorded)
-        state.recorded.gaps.mean_traction[:] = 0.0
+        gaps.mean_traction[:] = 0.0
     if clock.base_steps < runs.last[run]:
         _open_base_step(model, runs, work, run)
 
@@ -395,44 +344,6 @@ def _gather_active(runs: Batch, work: Work) -> int:
     return count
 
 
-@njit(cache=True, inline="always")
-def _step_all_runs(
-    model: ModalModel,
-    levels: StepHierarchy,
-    runs: Batch,
-    states: ModalState,
-    work: Work,
-    buffer: HistoryBuffer,
-    tolerance: float,
-) -> None:
-    """Take one step of every active run."""
-    rows, finest, accepted = work.active[: _gather_active(runs, work)], len(levels.size) - 1, 0
-    for a in range(len(rows)):
-        _head_for(levels, runs, states, work, rows[a])
-    gap_jumps(model.tiles, model.values, rows, work.q_free, work.w)
-    for a in range(len(rows)):
-        run = rows[a]
-        state = at(states, run)
-        good, residual = _try_step(model, levels, runs, state, work, run, tolerance)
-        if not good:
-            _refuse(runs, state, run, finest, residual)
-            continue
-        state.tries.residual = max(state.tries.residual, residual)
-        _accept(model, levels, runs, state, work, run)
-        work.accepted[accepted] = run
-        accepted += 1
-    moved = work.accepted[:accepted]
-    modal_forces(model.tiles, model.values, moved, states.mean, work.r)
-    if len(model.R):
-        ends = states.recorded.gaps.traction.reshape(states.mean.shape)
-        acted = ends if model.conserving is not None else states.mean
-        residual_jumps(model.R, moved, acted, work.w)
-    for a in range(accepted):
-        state = at(states, moved[a])
-        _move(model, levels, runs, state, work, buffer.stride, moved[a])
-        _advance_clock(model, levels, runs, state, work, buffer, moved[a])
-
-
 @njit(**VIEWS)
 def integrate(
     model: ModalModel,
@@ -441,7 +352,8 @@ def integrate(
     states: ModalState,
     work: Work,
     buffer: HistoryBuffer,
-    control: tuple[float, int],
+    tolerance: float,
+    steps: int,
 ) -> int:
     """Integrate all runs by a number of steps, whatever the size of each.
 
@@ -450,14 +362,48 @@ def integrate(
     model, levels : what the runs share, and the step sizes
     runs, states, work : changed in place
     buffer : receives the rows
-    control : (tolerance of the gap-space problem, steps)
+    tolerance : of the gap-space problem
+    steps : of every run, at most
 
     Returns
     -------
     int, how many runs are still active; a run that failed (`runs.failed`) is not, and its `tries` hold the
         residual at the finest level
     """
-    tolerance, steps = control
+    finest = len(levels.size) - 1
     for _ in range(steps):
-        _step_all_runs(model, levels, runs, states, work, buffer, tolerance)
+        rows = work.active[: _gather_active(runs, work)]
+        for a in range(len(rows)):  # free motion over the next step
+            run = rows[a]
+            share, f_0, f_end, f_1 = _reach(levels, runs, run), work.f_0[run], work.f_end[run], work.f_1[run]
+            for j in range(len(f_1)):
+                f_1[j] = f_0[j] + share * (f_end[j] - f_0[j])
+            step = at(levels.step, (runs.variant[run].step, runs.clock[run].level))
+            free_motion(step, at(states, run), f_1, work.q_free[run])
+        gap_jumps(model.tiles, model.values, rows, work.q_free, work.w)
+        accepted = 0
+        for a in range(len(rows)):
+            run = rows[a]
+            state = at(states, run)
+            good, residual = _try_step(model, levels, runs, state, work, run, tolerance)
+            if good:
+                state.tries.residual = max(state.tries.residual, residual)
+                _accept(model, levels, runs, state, work, run)
+                work.accepted[accepted] = run
+                accepted += 1
+                continue
+            state.tries.refused += 1
+            if runs.clock[run].level == finest:
+                state.tries.residual = residual
+                runs.failed[run] = True
+            else:  # a level down
+                runs.clock[run].level += 1
+        moved = work.accepted[:accepted]
+        modal_forces(model.tiles, model.values, moved, states.mean, work.r)
+        if len(model.R):
+            ends = states.recorded.gaps.traction.reshape(states.mean.shape)
+            acted = ends if model.conserving is not None else states.mean
+            residual_jumps(model.R, moved, acted, work.w)
+        for a in range(accepted):
+            _move(model, levels, runs, at(states, moved[a]), work, buffer, moved[a])
     return _gather_active(runs, work)

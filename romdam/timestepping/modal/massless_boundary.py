@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import solve_gaps
@@ -32,48 +31,19 @@ def _elastic(model: ModalModel, problem: GapProblem, p_c: Floats, p: Floats, g: 
     return energy
 
 
-@njit(cache=True)
-def _end_force(
-    problem: GapProblem, memory: GapMemory, closed: NDArray[np.bool_], y: Floats, p: Floats, g: Floats
-) -> bool:
-    """Whole joint force and opening at the step's end; whether the closed set changed."""
-    d = len(p) // max(len(problem.gap), 1)
-    changed = False
-    for i in range(len(p)):
-        g[i] = y[i] - problem.compliance[i] * memory.force[i]
-        p[i] = memory.force[i]
-        if i % d == 0:
-            p[i] -= problem.tension[i // d] * g[i]
-            changed = changed or (memory.force[i] > 0.0) != closed[i // d]
-    return changed
-
-
-@njit(cache=True)
-def _slid(problem: GapProblem, memory: GapMemory, y: Floats) -> float:
-    """Energy that sliding takes in the step, which never is negative [J]."""
-    lost = 0.0
-    for i in range(len(memory.accumulated_slip)):
-        for a in range(3 * i + 1, 3 * i + 3):
-            lost -= memory.force[a] * y[a]
-    return lost
-
-
-@njit(cache=True)
-def _correction(missing: float, moved: Floats) -> Floats:
-    """The force along the change of the jump that does the missing work."""
-    size = moved @ moved
-    return -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
-
-
 @njit(**ARRAYS)
 def try_conserving(
     conserving: bool | None,
     model: ModalModel,
     half: Floats,
-    gaps: tuple[GapProblem, GapMemory],
+    problem: GapProblem,
+    memory: GapMemory,
     state: ModalState,
-    jumps: tuple[Floats, Floats, Floats],
-    control: tuple[float, bool],
+    w_free: Floats,
+    shift: Floats,
+    y: Floats,
+    tolerance: float,
+    steady: bool,
 ) -> float:
     """Solve a step in which the joint force acts with a mean that does the work the gaps store.
 
@@ -83,8 +53,10 @@ def try_conserving(
     Parameters
     ----------
     half : (N, N) half the states' flexibility over a step [m/N]
-    jumps : (N,) free jumps of the states, (N,) or (0,) what is added to them, and (N,) for the solution
-    control : see `romdam.contact.step.solve_gaps`
+    w_free : (N,) free jumps of the states [m]
+    shift : (N,) or (0,) what is added to them [m]
+    y : (N,) receives the solution [m]
+    tolerance, steady : see `romdam.contact.step.solve_gaps`
 
     Returns
     -------
@@ -92,9 +64,9 @@ def try_conserving(
     """
     if conserving is None:
         return np.inf
-    (problem, memory), (w_free, shift, y), (tolerance, _) = gaps, jumps, control
     ends = state.recorded.gaps
     p_0 = ends.traction.ravel()
+    d = len(p_0) // max(len(problem.gap), 1)
     before = _elastic(model, problem, memory.force, p_0, ends.jump.ravel())
     correction, p_1, g_1 = np.zeros_like(p_0), np.zeros_like(p_0), np.zeros_like(p_0)
     old_force = memory.force.copy()
@@ -104,11 +76,20 @@ def try_conserving(
         w[: len(shift)] += shift
         add_rows(half, p_0 + 2.0 * correction, w)
         memory.force[:] = old_force
-        residual = solve_gaps(problem, memory, state.closed, w, y, control)
+        residual = solve_gaps(problem, memory, state.closed, w, y, tolerance, steady)
         if not residual <= tolerance:
             return residual
-        changed = _end_force(problem, memory, state.closed, y, p_1, g_1)
-        slid = _slid(problem, memory, y)
+        changed = False
+        for i in range(len(p_1)):  # whole joint force and opening at the step's end
+            g_1[i] = y[i] - problem.compliance[i] * memory.force[i]
+            p_1[i] = memory.force[i]
+            if i % d == 0:
+                p_1[i] -= problem.tension[i // d] * g_1[i]
+                changed = changed or (memory.force[i] > 0.0) != state.closed[i // d]
+        slid = 0.0  # energy that sliding takes, which never is negative [J]
+        for i in range(len(memory.accumulated_slip)):
+            for a in range(3 * i + 1, 3 * i + 3):
+                slid -= memory.force[a] * y[a]
         state.mean[:] = 0.5 * (p_0 + p_1) + correction
         w_1[:] = w_free
         add_rows(half, 2.0 * state.mean, w_1)
@@ -116,7 +97,9 @@ def try_conserving(
             break
         moved = (w_1 - state.w) * ((p_0 != 0.0) | (p_1 != 0.0))
         missing = _elastic(model, problem, memory.force, p_1, g_1) - before + slid
-        new = _correction(missing + (0.5 * (p_0 + p_1)) @ moved, moved)
+        missing += (0.5 * (p_0 + p_1)) @ moved
+        size = moved @ moved
+        new = -(missing / size) * moved if size > 0.0 else np.zeros(len(moved))
         if np.abs(new - correction).max() <= _REST * np.abs(state.mean).max():
             break
         correction = new

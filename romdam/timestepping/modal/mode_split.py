@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,25 +135,6 @@ def modal_model(
     )
 
 
-def _tiles(system: System, split: ModeSplit) -> tuple[NDArray[np.int64], Floats]:
-    """Non-zero blocks of G, one per joint and block of the scene; those side by side are one.
-
-    Few long rows are quicker than many short ones: each run of six takes 286 ns for 60 rows of 90, 358 ns for
-    60 rows of 48 and of 42, and transposed 303 and 407 ns.
-    """
-    d, dynamic = system.law.directions, split.dynamic
-    columns = [slice(*np.searchsorted(dynamic, (own.start, own.stop))) for own in system.parts.values()]
-    rows = [slice(d * gaps.start, d * gaps.stop) for gaps in system.law.joints.values()]
-    blocks = _joined(_Block(r, c) for r in rows for c in columns if split.G[r, c].any())
-    values = [split.G[block.rows, block.columns].ravel() for block in blocks]
-    offsets = np.cumsum([0, *map(len, values)])
-    tiles = [
-        (rows.start, rows.stop, columns.start, columns.stop, offset)
-        for (rows, columns), offset in zip(blocks, offsets, strict=False)
-    ]
-    return np.array(tiles, dtype=np.int64).reshape(-1, 5), np.concatenate([np.zeros(0), *values])
-
-
 class _Block(NamedTuple):
     """Some rows and columns of a matrix."""
 
@@ -169,23 +150,28 @@ class _Block(NamedTuple):
         return None
 
 
-def _joined(blocks: Iterable[_Block]) -> list[_Block]:
-    made: list[_Block] = []
-    for block in blocks:
-        while made and (both := made[-1].with_next(block)) is not None:
-            made.pop()
+def _tiles(system: System, split: ModeSplit) -> tuple[NDArray[np.int64], Floats]:
+    """Non-zero blocks of G, one per joint and block of the scene; those side by side are one.
+
+    Few long rows are quicker than many short ones: each run of six takes 286 ns for 60 rows of 90, 358 ns for
+    60 rows of 48 and of 42, and transposed 303 and 407 ns.
+    """
+    d, dynamic = system.law.directions, split.dynamic
+    columns = [slice(*np.searchsorted(dynamic, (part.start, part.stop))) for part in system.parts.values()]
+    rows = [slice(d * gaps.start, d * gaps.stop) for gaps in system.law.joints.values()]
+    blocks: list[_Block] = []
+    for block in (_Block(r, c) for r in rows for c in columns if split.G[r, c].any()):
+        while blocks and (both := blocks[-1].with_next(block)) is not None:
+            blocks.pop()
             block = both
-        made.append(block)
-    return made
-
-
-def _relaxation_time(system: System, split: ModeSplit) -> float:
-    """Mean of c/k weighted by what each mode adds to the gaps' flexibility; 0 without such modes."""
-    k, c = system.K.diagonal()[split.quasi_static], system.C.diagonal()[split.quasi_static]
-    if len(k) == 0:
-        return 0.0
-    weight = (split.G_quasi**2).sum(axis=0) / k
-    return float((weight * c / k).sum() / weight.sum()) if weight.sum() > 0.0 else 0.0
+        blocks.append(block)
+    values = [split.G[block.rows, block.columns].ravel() for block in blocks]
+    offsets = np.cumsum([0, *map(len, values)])
+    tiles = [
+        (rows.start, rows.stop, columns.start, columns.stop, offset)
+        for (rows, columns), offset in zip(blocks, offsets, strict=False)
+    ]
+    return np.array(tiles, dtype=np.int64).reshape(-1, 5), np.concatenate([np.zeros(0), *values])
 
 
 def step_levels(
@@ -210,23 +196,24 @@ def step_levels(
     distinct = list(dict.fromkeys(dampings))
     index = np.array([distinct.index(key) for key in dampings], dtype=np.int64)
     firsts = [variants[dampings.index(key)] for key in distinct]
-    motions = [_motion(one, integrator, model, split, steps) for one in firsts]
+    motions = [_Motion.of(variant, integrator, model, split, steps) for variant in firsts]
     most_ratio = 1.0 if integrator.midpoint else 0.0
-    problems = [
-        [
-            variant.cache.get_or_compute(
-                ("problem", *split.key, dt, own.tobytes()),
-                partial(_offset_problem, variant.system, split, (H, dt, own), most_ratio),
-            )
-            for H, dt, own in zip(motions[i].H, motions[i].step.dt, motions[i].own, strict=True)
-        ]
-        for variant, i in zip(variants, index, strict=True)
-    ]
+    problems: list[list[GapProblem]] = []
+    for variant, i in zip(variants, index, strict=True):
+        motion, of_levels = motions[i], list[GapProblem]()
+        for H, dt, single in zip(motion.H, motion.step.dt, motion.single, strict=True):
+            key = ("problem", *split.key, dt, single.tobytes())
+            compute = partial(_offset_problem, variant.system, split, H, float(dt), single, most_ratio)
+            of_levels.append(variant.cache.get_or_compute(key, compute))
+        problems.append(of_levels)
+    if len({problem.Z.shape for of_levels in problems for problem in of_levels}) > 1:
+        no_dual = np.zeros((0, 0))  # left out where one of them has none
+        problems = [[problem._replace(Z=no_dual) for problem in of_levels] for of_levels in problems]
     halves = [motion.half for motion in motions if model.conserving]
     levels = StepHierarchy(
         size=np.array([math.prod(steps.cuts[level:]) for level in range(len(steps.cuts) + 1)]),
         step=stacked([motion.step for motion in motions]),
-        problem=_stacked_problems(problems),
+        problem=stacked([stacked(of_levels) for of_levels in problems]),
         decay=np.stack([motion.decay for motion in motions]),
         half=np.stack(halves) if halves else np.zeros((len(motions), 1, 0, 0)),
     )
@@ -239,47 +226,61 @@ class _Motion:
 
     Attributes
     ----------
-    own : (levels, N) flexibility of a single gap, per force of all that it stands for
+    step : stacked over the levels
+    decay : (levels,) exp(-step / tau) of the residual flexibility
+    H : (levels, N, N) jump per joint force over the step [m/N]
+    single : (levels, N) flexibility of a single gap, per force of all that it stands for [m/N]
+    half : (levels, N, N) half the states' flexibility over the step [m/N]
     """
 
     step: Propagator
     decay: Floats
     H: Floats
-    own: Floats
+    single: Floats
     half: Floats
 
+    @classmethod
+    def of(
+        cls,
+        prepared: Prepared,
+        integrator: ModalIntegrator,
+        model: ModalModel,
+        split: ModeSplit,
+        steps: Steps,
+    ) -> Self:
+        """Make them for one system."""
+        k, c = prepared.system.K.diagonal(), prepared.system.C.diagonal()
+        sizes, whole, symmetry = steps.sizes, prepared.whole or prepared, prepared.symmetry
+        of_whole = split if symmetry is None else integrator.split(whole, steps.base)
+        # relaxation time: mean of c/k weighted by what each mode adds to the gaps' flexibility
+        rests, tau = of_whole.quasi_static, 0.0
+        k_rest, c_rest = whole.system.K.diagonal()[rests], whole.system.C.diagonal()[rests]
+        weight = (of_whole.G_quasi**2).sum(axis=0) / k_rest
+        if len(rests) and weight.sum() > 0.0:
+            tau = float((weight * c_rest / k_rest).sum() / weight.sum())
+        decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
 
-def _motion(
-    prepared: Prepared, integrator: ModalIntegrator, model: ModalModel, split: ModeSplit, steps: Steps
-) -> _Motion:
-    k, c = prepared.system.K.diagonal(), prepared.system.C.diagonal()
-    sizes, whole, symmetry = steps.sizes, prepared.whole or prepared, prepared.symmetry
-    of_whole = split if symmetry is None else integrator.split(whole, steps.base)
-    tau = _relaxation_time(whole.system, of_whole)
-    decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
-    levels = [
-        prepared.cache.get_or_compute(("level", *split.key, dt), partial(_level, split, k, c, dt))
-        for dt in sizes
-    ]
-    step, half = stacked([step for step, _ in levels]), np.stack([half for _, half in levels])
-    H = half if model.conserving else 2.0 * half
-    if len(model.R):
-        H = H + (1.0 - decay)[:, None, None] * model.R
-    if symmetry is not None:
-        own = _single(whole, symmetry, of_whole, sizes, decay)
-    else:
-        n = len(prepared.system.law)
-        own = np.stack([self_flexibility(blocks_of_gaps(each, n)).ravel() for each in H])
-    return _Motion(step, decay, H, own, half)
+        def level(dt: float) -> tuple[Propagator, Floats]:
+            """Propagator of the dynamic modes, and half their flexibility over the step."""
+            step = modal_propagator(k[split.dynamic], c[split.dynamic], dt)
+            return step, 0.5 * ((split.G * step.q_p) @ split.G.T)
+
+        levels = [
+            prepared.cache.get_or_compute(("level", *split.key, dt), partial(level, dt)) for dt in sizes
+        ]
+        step, half = stacked([step for step, _ in levels]), np.stack([half for _, half in levels])
+        H = half if model.conserving else 2.0 * half
+        if len(model.R):
+            H = H + (1.0 - decay)[:, None, None] * model.R
+        if symmetry is not None:
+            single = _single_flexibility(whole, symmetry, of_whole, sizes, decay)
+        else:
+            n = len(prepared.system.law)
+            single = np.stack([self_flexibility(blocks_of_gaps(each, n)).ravel() for each in H])
+        return cls(step, decay, H, single, half)
 
 
-def _level(split: ModeSplit, k: Floats, c: Floats, dt: float) -> tuple[Propagator, Floats]:
-    """Propagator of the dynamic modes for one step size, and half their flexibility over it."""
-    step = modal_propagator(k[split.dynamic], c[split.dynamic], dt)
-    return step, 0.5 * ((split.G * step.q_p) @ split.G.T)
-
-
-def _single(
+def _single_flexibility(
     whole: Prepared, symmetry: Symmetry, split: ModeSplit, sizes: Sequence[float], decay: Floats
 ) -> Floats:
     """Flexibility of one gap of every group over a step of each size, per force of the group."""
@@ -299,28 +300,20 @@ def _single(
         (G * moved) @ G.transpose(0, 2, 1) + (1.0 - left) * relaxed
         for moved, left in zip(responses, decay, strict=True)
     ]
-    own = self_flexibility(np.stack(blocks)) / symmetry.count[:, None]
-    return np.asarray(own.reshape(len(sizes), -1))
+    single = self_flexibility(np.stack(blocks)) / symmetry.count[:, None]
+    return np.asarray(single.reshape(len(sizes), -1))
 
 
 def _offset_problem(
-    system: System, split: ModeSplit, step: tuple[Floats, float, Floats], most_ratio: float
+    system: System, split: ModeSplit, H: Floats, dt: float, single: Floats, most_ratio: float
 ) -> GapProblem:
     """The gap-space problem of a step, its gaps as the static load leaves the quasi-static modes."""
     offset = split.G_quasi @ (system.force[split.quasi_static] / system.K.diagonal()[split.quasi_static])
-    H, dt, own = step
-    problem = system_gap_problem(system, H, float(dt), most_ratio, own)
+    problem = system_gap_problem(system, H, dt, most_ratio, single)
     jumps = offset.reshape(-1, system.law.directions)
     return problem._replace(
         gap=problem.gap + jumps[:, NORMAL], slip=problem.slip + jumps[: len(problem.slip), 1:]
     )
-
-
-def _stacked_problems(problems: list[list[GapProblem]]) -> GapProblem:
-    """Problems of every variant and level in one; the dual is left out where one of them has none."""
-    if len({problem.Z.shape for levels in problems for problem in levels}) > 1:
-        problems = [[problem._replace(Z=np.zeros((0, 0))) for problem in levels] for levels in problems]
-    return stacked([stacked(levels) for levels in problems])
 
 
 def run_memory(problem: GapProblem, variant: Ints) -> GapMemory:

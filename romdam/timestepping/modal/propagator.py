@@ -67,7 +67,31 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     -------
     Propagator
     """
-    E, work, loss = _step_matrices(k, c, dt)
+    # exponential and the two Gramians by Taylor series and doubling: X(2 tau) = X(tau) + E^T X E adds
+    # positive terms only; the usual block exponential would overflow for strongly damped modes
+    m, (A, scale, doublings) = len(k), _generator(k, c, dt)
+    forms = np.zeros((2, m, 4, 4))
+    forms[_WORK, :, VEL, FORCE] = forms[_WORK, :, FORCE, VEL] = 0.5 * scale
+    forms[_LOSS, :, VEL, VEL] = c * scale**2
+    X = np.zeros((2, m, 4, 4))
+    shares, weights = _gauss()
+    *steps, E = _exponentials(A, shares)
+    for e, weight in zip(steps, weights, strict=True):
+        X += 0.5 * (dt / 2.0**doublings) * weight * (e.transpose(0, 2, 1) @ forms @ e)
+    for _ in range(doublings):
+        X = X + E.transpose(0, 2, 1) @ X @ E
+        E = E @ E
+    unscale = np.ones((m, 4))
+    unscale[:, VEL] = 1.0 / scale
+    E = E * unscale[:, None, :] / unscale[:, :, None]
+    X = X * unscale[:, None, :] * unscale[:, :, None]
+    work, loss = X[_WORK], X[_LOSS]
+    moment = [  # from the terms with f' in the form of int v f dt
+        2.0 * work[:, DISP, RATE],
+        2.0 * work[:, VEL, RATE],
+        2.0 * work[:, FORCE, RATE] - E[:, DISP, RATE],
+        work[:, RATE, RATE],
+    ]
     return Propagator(
         dt=dt,
         q_q=E[:, DISP, DISP].copy(),
@@ -80,8 +104,8 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
         v_1=E[:, VEL, RATE] / dt,
         q_p=E[:, DISP, FORCE].copy(),
         v_p=E[:, VEL, FORCE].copy(),
-        moment=_moment(work, E),
-        loss=_upper(loss),
+        moment=np.stack(moment),
+        loss=np.stack([loss[:, a, b] * (1.0 if a == b else 2.0) for a, b in _PAIRS]),
     )
 
 
@@ -108,31 +132,6 @@ def _generator(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, int]:
     return A * (dt / 2.0**doublings), scale, doublings
 
 
-def _step_matrices(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
-    """(m, 4, 4) exponential and the two Gramians, by Taylor series and doubling.
-
-    Doubling X(2 tau) = X(tau) + E^T X E adds positive terms only; the usual block exponential would
-    overflow for strongly damped modes.
-    """
-    m, (A, scale, doublings) = len(k), _generator(k, c, dt)
-    forms = np.zeros((2, m, 4, 4))
-    forms[_WORK, :, VEL, FORCE] = forms[_WORK, :, FORCE, VEL] = 0.5 * scale
-    forms[_LOSS, :, VEL, VEL] = c * scale**2
-    X = np.zeros((2, m, 4, 4))
-    shares, weights = _gauss()
-    *steps, E = _exponentials(A, shares)
-    for e, weight in zip(steps, weights, strict=True):
-        X += 0.5 * (dt / 2.0**doublings) * weight * (e.transpose(0, 2, 1) @ forms @ e)
-    for _ in range(doublings):
-        X = X + E.transpose(0, 2, 1) @ X @ E
-        E = E @ E
-    unscale = np.ones((m, 4))
-    unscale[:, VEL] = 1.0 / scale
-    E = E * unscale[:, None, :] / unscale[:, :, None]
-    X = X * unscale[:, None, :] * unscale[:, :, None]
-    return E, X[_WORK], X[_LOSS]
-
-
 @cache
 def _gauss() -> tuple[Floats, Floats]:
     """Shares of the step, its end the last, and weights of the quadrature; to find these takes a quarter of a
@@ -150,20 +149,3 @@ def _exponentials(A: Floats, shares: Floats) -> Floats:
         terms[order] = terms[order - 1] @ A / order
     powers = shares[:, None] ** np.arange(_TAYLOR)
     return np.asarray((powers @ terms.reshape(_TAYLOR, -1)).reshape(len(shares), *A.shape))
-
-
-def _moment(X: Floats, E: Floats) -> Floats:
-    """(4, m) linear form of int s v ds, from the terms with f' in the form of int v f dt."""
-    return np.stack(
-        [
-            2.0 * X[:, DISP, RATE],
-            2.0 * X[:, VEL, RATE],
-            2.0 * X[:, FORCE, RATE] - E[:, DISP, RATE],
-            X[:, RATE, RATE],
-        ]
-    )
-
-
-def _upper(X: Floats) -> Floats:
-    """(10, m) coefficients of the quadratic form, off-diagonal pairs added up."""
-    return np.stack([X[:, a, b] * (1.0 if a == b else 2.0) for a, b in _PAIRS])

@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from romdam.contact.components import NORMAL
-from romdam.contact.problem import GapMemory
 from romdam.contact.softening import failed_law
-from romdam.contact.solvers.state import SolverState, condensed_contacts, iterations, solver_state
+from romdam.contact.solvers.state import condensed_contacts, iterations, solver_state
 from romdam.contact.strength import shear_strength
-from romdam.core.arrays import Floats, Ints, Record, at, put, rows_like, stacked
+from romdam.core.arrays import Floats, Ints, at, put, rows_like, stacked
 from romdam.core.errors import ConvergenceError
-from romdam.core.system import System
 from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES
 from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
@@ -77,45 +75,34 @@ def integrate_batch(
     -------
     list, in the order of the batch: the history, or why there is none
     """
-    initial = {one.prepared: _initial(one.prepared, settings) for one in batch}
-    failed = {one: state for one, state in initial.items() if isinstance(state, ConvergenceError)}
-    starts = {one: state for one, state in initial.items() if not isinstance(state, ConvergenceError)}
-    chosen = [one for one in batch if one.prepared in starts]
-    first = [starts[one.prepared] for one in chosen]
-    made = iter(_integrate(chosen, integrator, settings, progress, first) if chosen else ())
-    return [failed[one.prepared] if one.prepared in failed else next(made) for one in batch]
-
-
-def _integrate(
-    batch: Sequence[Simulation],
-    integrator: ModalIntegrator,
-    settings: Settings,
-    progress: Progress,
-    starts: Sequence[Initial],
-) -> list[Outcome]:
-    """Integrate a batch from its initial states to its ends."""
-    begun = cpu_time()
-    split = integrator.split(batch[0].prepared, settings.steps.base)
-    arrays = _arrays(batch, integrator, split, settings, starts)
-    # no step: a first start compiles here, not in the timed loop
-    integrate(*arrays, (settings.tolerance, 0))
-    setup, loop = cpu_time() - begun, cpu_time()
+    initial: dict[Prepared, Initial] = {}
+    failed: dict[Prepared, ConvergenceError] = {}
+    for prepared in dict.fromkeys(simulation.prepared for simulation in batch):
+        if settings.start is not None:
+            start, gaps = settings.start, resumed(prepared.system, settings.start)
+            initial[prepared] = Initial(start.q, start.v, gaps)
+            continue
+        try:
+            q, gaps = initial_state(prepared, settings)
+            initial[prepared] = Initial(q, np.zeros_like(q), gaps)
+        except ConvergenceError as error:
+            failed[prepared] = error
+    started = [simulation for simulation in batch if simulation.prepared in initial]
+    if not started:
+        return [failed[simulation.prepared] for simulation in batch]
+    before = cpu_time()
+    split = integrator.split(started[0].prepared, settings.steps.base)
+    starts = [initial[simulation.prepared] for simulation in started]
+    arrays = _arrays(started, integrator, split, settings, starts)
+    integrate(*arrays, settings.tolerance, 0)  # no step: a first start compiles here, not in the timed loop
+    setup, loop = cpu_time() - before, cpu_time()
     runs, active = arrays.runs, 1
     total = int(runs.last.sum())
     while active:
-        active = integrate(*arrays, (settings.tolerance, _STEPS))
+        active = integrate(*arrays, settings.tolerance, _STEPS)
         progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
-    return _outcomes(batch, split, arrays, settings, (setup, cpu_time() - loop))
-
-
-def _initial(prepared: Prepared, settings: Settings) -> Initial | ConvergenceError:
-    if settings.start is not None:
-        return Initial(settings.start.q, settings.start.v, resumed(prepared.system, settings.start))
-    try:
-        q, gaps = initial_state(prepared, settings)
-    except ConvergenceError as error:
-        return error
-    return Initial(q, np.zeros_like(q), gaps)
+    outcomes = iter(_outcomes(started, split, arrays, settings, setup, cpu_time() - loop))
+    return [failed[one.prepared] if one.prepared in failed else next(outcomes) for one in batch]
 
 
 def _arrays(
@@ -125,52 +112,58 @@ def _arrays(
     settings: Settings,
     starts: Sequence[Initial],
 ) -> Arrays:
-    """Everything that the hot loop needs, at its beginning."""
-    shaken = [one.prepared.system.inertial(one.ground).any(axis=1) for one in batch]
+    """Everything that the hot loop needs, at its beginning; the first row of every run is written."""
+    steps, shift, stride = settings.steps, settings.shift, settings.steps.stride
+    shaken = [prepared.system.inertial(ground).any(axis=1) for prepared, ground in batch]
     active = np.flatnonzero(np.any(shaken, axis=0))
-    variants = list(dict.fromkeys(one.prepared for one in batch))
-    model, levels, damping = _constant(variants, integrator, split, settings, active)
-    problem = np.array([variants.index(one.prepared) for one in batch], dtype=np.int64)
-    memory = run_memory(levels.problem, problem)
-    variant = np.zeros(len(batch), VARIANT)
-    variant["step"], variant["problem"] = damping[problem], problem
-    N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
-    solver = solver_state(n, n != N, (len(batch), len(levels.size)))
-    runs = _runs(batch, integrator, settings, active, variant, memory, solver)
-    states = _states(model, split, starts, runs)
-    for run, start in enumerate(starts):
-        take_over(at(memory, run), start.gaps)
-    stride = settings.steps.stride
-    rows = rows_like(at(states.recorded, 0), int(sum(runs.last // stride + 1)))
-    added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
-    arrays = Arrays(model, levels, runs, states, new_work(states, added), HistoryBuffer(stride, rows))
-    _begin(arrays)
-    return arrays
+    variants = list(dict.fromkeys(simulation.prepared for simulation in batch))
+    prepared = variants[0]
 
-
-def _constant(
-    variants: Sequence[Prepared],
-    integrator: ModalIntegrator,
-    split: ModeSplit,
-    settings: Settings,
-    active: Ints,
-) -> tuple[ModalModel, StepHierarchy, Ints]:
-    """Arrays that the loop reads only, cached where there is one system without added jumps."""
-    prepared, steps, shift = variants[0], settings.steps, settings.shift
-
-    def compute() -> tuple[ModalModel, StepHierarchy, Ints]:
+    def constant() -> tuple[ModalModel, StepHierarchy, Ints]:
+        """Arrays that the loop reads only."""
         model = modal_model(prepared.system, split, active, integrator.massless_boundary, shift)
         return model, *step_levels(variants, integrator, model, split, steps)
 
     if len(variants) > 1 or shift is not None:
-        return compute()
-    return prepared.cache.get_or_compute(("levels", active.tobytes(), steps.base, steps.cuts), compute)
-
-
-def _begin(arrays: Arrays) -> None:
-    """Write the first row of every run, and bring the external force at both ends of its first base step."""
-    model, runs, states, work = arrays.model, arrays.runs, arrays.states, arrays.work
-    put(arrays.buffer.rows, runs.rows, states.recorded)
+        model, levels, damping = constant()
+    else:
+        key = ("levels", active.tobytes(), steps.base, steps.cuts)
+        model, levels, damping = prepared.cache.get_or_compute(key, constant)
+    problem = np.array([variants.index(simulation.prepared) for simulation in batch], dtype=np.int64)
+    memory = run_memory(levels.problem, problem)
+    variant = np.zeros(len(batch), VARIANT)
+    variant["step"], variant["problem"] = damping[problem], problem
+    N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
+    samples = np.array([ground.shape[1] for _, ground in batch])
+    rows_of_runs = (samples - 1) // stride + 1
+    velocity = np.array([_peak_velocity(simulation, steps.base) for simulation in batch])
+    supports: list[Floats] = []
+    for one, ground in batch:
+        pseudo_static = one.system.pseudo_static
+        motion = ground[:0] if pseudo_static is None else np.concatenate(pseudo_static.motion(ground))
+        supports.append(motion)
+    runs = Batch(
+        variant=variant,
+        samples=np.concatenate([[0], np.cumsum(samples)[:-1]]),
+        rows=np.concatenate([[0], np.cumsum(rows_of_runs)[:-1]]),
+        last=samples - 1,
+        impulse=integrator.force_change * velocity,
+        shear_impulse=settings.shear_share * integrator.shear_change * velocity,
+        clock=np.zeros(len(batch), CLOCK),
+        failed=np.zeros(len(batch), dtype=np.bool_),
+        acc=np.ascontiguousarray(np.concatenate([ground[active] for _, ground in batch], axis=1)),
+        supports=np.ascontiguousarray(np.concatenate(supports, axis=1)),
+        memory=memory,
+        solver=solver_state(n, n != N, (len(batch), len(levels.size))),
+    )
+    states = _states(model, split, starts, runs)
+    for run, start in enumerate(starts):
+        take_over(at(memory, run), start.gaps)
+    rows = rows_like(at(states.recorded, 0), int(rows_of_runs.sum()))
+    put(rows, runs.rows, states.recorded)
+    added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
+    work = new_work(states, added)
+    # the external force, and the added jumps, at both ends of the first base step
     work.f_0[:] = states.f
     work.f_end[:] = _external_force(model, runs.acc[:, runs.samples + np.minimum(runs.last, 1)])
     for jumps, sample in ((work.start_shift, 0 * runs.last), (work.end_shift, np.minimum(runs.last, 1))):
@@ -181,6 +174,7 @@ def _begin(arrays: Arrays) -> None:
     if model.carried is not None:
         disp = runs.supports[-model.carried.shape[1] :, runs.samples]
         work.last_shift[:] = (model.carried @ disp).T
+    return Arrays(model, levels, runs, states, work, HistoryBuffer(stride, rows))
 
 
 def _external_force(model: ModalModel, acc: Floats) -> Floats:
@@ -191,42 +185,7 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
     return force
 
 
-def _runs(
-    batch: Sequence[Simulation],
-    integrator: ModalIntegrator,
-    settings: Settings,
-    active: Ints,
-    variant: Record,
-    memory: GapMemory,
-    solver: SolverState,
-) -> Batch:
-    steps = settings.steps
-    samples = np.array([one.ground.shape[1] for one in batch])
-    rows = (samples - 1) // steps.stride + 1
-    velocity = np.array([_peak_velocity(one, steps.base) for one in batch])
-    return Batch(
-        variant=variant,
-        samples=np.concatenate([[0], np.cumsum(samples)[:-1]]),
-        rows=np.concatenate([[0], np.cumsum(rows)[:-1]]),
-        last=samples - 1,
-        impulse=integrator.force_change * velocity,
-        shear_impulse=settings.shear_share * integrator.shear_change * velocity,
-        clock=np.zeros(len(batch), CLOCK),
-        failed=np.zeros(len(batch), dtype=np.bool_),
-        acc=np.ascontiguousarray(np.concatenate([one.ground[active] for one in batch], axis=1)),
-        supports=np.ascontiguousarray(np.concatenate([_of_supports(one) for one in batch], axis=1)),
-        memory=memory,
-        solver=solver,
-    )
-
-
-def _of_supports(of: Simulation) -> Floats:
-    """Acceleration, velocity and displacement of moving supports, (3 m, nt)."""
-    by = of.prepared.system.pseudo_static
-    return of.ground[:0] if by is None else np.concatenate(by.motion(of.ground))
-
-
-def _peak_velocity(of: Simulation, step: float) -> float:
+def _peak_velocity(simulation: Simulation, step: float) -> float:
     """Peak velocity of the ground, infinite without any [m/s].
 
     Gap velocities are measured by it: the change of a joint force over a step may stand for a share of it.
@@ -234,12 +193,13 @@ def _peak_velocity(of: Simulation, step: float) -> float:
     longer changes the error, with a tenth of the joints' stiffness 0.3 %; without that limit it stays above
     1 % at any step.
     """
-    velocity = np.cumsum(of.prepared.system.inertial(of.ground), axis=1) * step
+    velocity = np.cumsum(simulation.prepared.system.inertial(simulation.ground), axis=1) * step
     peak = float(np.linalg.norm(velocity, axis=0).max(initial=0.0))
     return peak if peak > 0.0 else math.inf
 
 
 def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
+    """The states that the runs start from."""
     q = np.stack([start.q[split.dynamic] for start in starts])
     gaps = stacked([start.gaps.recorded() for start in starts])
     p = np.stack([start.gaps.acting for start in starts]).reshape(len(starts), -1)
@@ -273,73 +233,65 @@ def _outcomes(
     split: ModeSplit,
     arrays: Arrays,
     settings: Settings,
-    spent: tuple[float, float],
+    setup: float,
+    loop: float,
 ) -> list[Outcome]:
+    """The history of every run, or why there is none.
+
+    Parameters
+    ----------
+    setup, loop : CPU that the arrays and the loop took, of all runs together [s]
+    """
     model, levels, runs, states, buffer = (
         arrays.model, arrays.levels, arrays.runs, arrays.states, arrays.buffer
     )  # fmt: skip
-    (setup, loop), tries = spent, (states.tries["accepted"] + states.tries["refused"]).astype(float)
+    steps_tried = (states.tries["accepted"] + states.tries["refused"]).astype(float)
     outcomes: list[Outcome] = []
     for run, (prepared, ground) in enumerate(batch):
-        place = prepared.system.law.place(int(runs.memory.failure[run].gap))
+        system, tries, solver = prepared.system, states.tries[run], at(runs.solver, run)
+        failing_gap = system.law.gap_name(int(runs.memory.failure[run].gap))
         laws = at(levels.problem.laws, (runs.variant[run].problem, BASE))
-        if failed := failed_law(laws, at(runs.memory, run), place):
+        if failed := failed_law(laws, at(runs.memory, run), failing_gap):
             outcomes.append(ConvergenceError(failed))
             continue
         if runs.failed[run]:
-            step, residual = int(runs.clock[run].base_steps) + 1, float(states.tries[run].residual)
-            outcomes.append(ConvergenceError(not_converged(step, settings, residual, place)))
+            step, residual = int(runs.clock[run].base_steps) + 1, float(tries.residual)
+            outcomes.append(ConvergenceError(not_converged(step, settings, residual, failing_gap)))
             continue
-        share = tries[run] / max(tries.sum(), 1.0)
-        stats = _stats(runs, states, run) | {
+        mass_left = 0.0  # largest share of the effective mass, over the shaken directions, that does not move
+        if not split.follows_ground:
+            shaken = system.inertial(ground).any(axis=1)
+            mass = np.asarray(system.load)[:, shaken] ** 2
+            whole = mass.sum(axis=0)
+            shares = mass[split.quasi_static].sum(axis=0) / np.where(whole > 0.0, whole, 1.0)
+            mass_left = float(shares.max(initial=0.0))
+        total_iterations, most_iterations = iterations(solver)
+        stats = {
+            "base_steps": float(runs.last[run]),
+            "steps": float(tries.accepted),
+            "refused_steps": float(tries.refused),
+            "solver_iterations": total_iterations,
+            "largest_iterations": most_iterations,
+            "largest_residual": float(tries.residual),
+            "condensed_contacts": condensed_contacts(solver) / max(tries.accepted + tries.refused, 1),
             "base_step": settings.steps.base,
             "finest_step": float(levels.step.dt.min()),
             "dynamic_modes": float(len(split.dynamic)),
             "quasi_static_modes": float(len(split.quasi_static)),
-            "quasi_static_mass": _mass_left(prepared.system, split, ground),
-            "integrated_gaps": float(len(prepared.system.law)),
+            "quasi_static_mass": mass_left,
+            "integrated_gaps": float(len(system.law)),
             "setup_cpu_seconds": setup / len(batch),
-            "loop_cpu_seconds": loop * share,
+            "loop_cpu_seconds": loop * (steps_tried[run] / max(steps_tried.sum(), 1.0)),
             "batch": float(len(batch)),
         }
-        acc = prepared.system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
-        rows = slice(runs.rows[run], runs.rows[run] + acc.shape[1])
-        written = at(buffer.rows, rows)
+        acc = system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
+        written = at(buffer.rows, slice(runs.rows[run], runs.rows[run] + acc.shape[1]))
         history = history_of_rows(prepared, model, split, written, acc, settings)
-        history = add_carried_jumps(history, prepared.system, ground, buffer.stride)
+        history = add_carried_jumps(history, system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.gaps.jump, history.jump, history.time)
         force = history.traction
-        memory = written.memory[: len(force)]
         strength, bonded = shear_strength(
-            prepared.system.law.mu, laws, memory, history.jump[..., NORMAL], force
+            system.law.mu, laws, written.memory[: len(force)], history.jump[..., NORMAL], force
         )
         outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
     return outcomes
-
-
-def _mass_left(system: System, split: ModeSplit, ground: Floats) -> float:
-    """Share of the effective mass that does not follow the ground motion, being that of quasi-static modes.
-
-    The largest over the directions that are shaken.
-    """
-    if split.follows_ground:
-        return 0.0
-    shaken = system.inertial(ground).any(axis=1)
-    mass = np.asarray(system.load)[:, shaken] ** 2
-    whole = mass.sum(axis=0)
-    return float((mass[split.quasi_static].sum(axis=0) / np.where(whole > 0.0, whole, 1.0)).max(initial=0.0))
-
-
-def _stats(runs: Batch, states: ModalState, run: int) -> dict[str, float]:
-    """Counts of one run."""
-    tries, solver = states.tries[run], at(runs.solver, run)
-    total, most = iterations(solver)
-    return {
-        "base_steps": float(runs.last[run]),
-        "steps": float(tries.accepted),
-        "refused_steps": float(tries.refused),
-        "solver_iterations": total,
-        "largest_iterations": most,
-        "largest_residual": float(tries.residual),
-        "condensed_contacts": condensed_contacts(solver) / max(tries.accepted + tries.refused, 1),
-    }

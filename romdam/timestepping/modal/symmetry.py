@@ -40,7 +40,7 @@ from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Start
 
 _SAME = 1e-5  # relative, of frequencies squared
-_TOLD = 1e-5  # of the largest, by which values differ
+_DIFFERENT = 1e-5  # of the largest, by which values differ
 _MOVED = 1e-2  # direction among the modes of a frequency; those that gaps move have 0.4 or more, others 1e-4
 _DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the loads have 1e-7
 _EXACT = 1e-6  # of the largest jump, what may be left out
@@ -70,27 +70,30 @@ class Symmetry:
 
 
 def merge_equivalent_contacts(
-    system: System, active: Ints, found: dict[Hashable, Symmetry | None] | None = None
+    system: System, active: Ints, known: dict[Hashable, Symmetry | None] | None = None
 ) -> Symmetry | None:
     """Give the system one gap for each group; None where all gaps are different.
 
     Parameters
     ----------
     active : the shaken components
-    found : what was found for systems that differ in damping and in their joints' parameters at most, by what
-        it depends on of these; gains what is found here
+    known : results for systems that differ in damping and in their joints' parameters at most, by what they
+        depend on of these; gains the one of this system
     """
-    law, found = system.law, {} if found is None else found
+    law, known = system.law, {} if known is None else known
     if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
         return None
-    classes = _equal_laws(system)
+    rigid_n, rigid_s = np.isinf(law.K_n), np.isinf(law.K_s)
+    spring_n, spring_s = np.where(rigid_n, 0.0, law.K_n), np.where(rigid_s, 0.0, law.K_s)
+    values = np.column_stack([rigid_n, rigid_s, spring_n, spring_s, law.mu, law.gap])
+    classes = _separated(np.zeros(len(law), dtype=np.int64), values)
     key = (active.tobytes(), law.directions, classes.tobytes(), law.slip.tobytes(), law.slipped.tobytes())
-    if key not in found:
-        found[key] = _equivalence(system, active, classes)
-    same = found[key]
+    if key not in known:
+        known[key] = _equivalence(system, active, classes)
+    same = known[key]
     if same is None or (np.isinf(law.K_s) & (same.signs == 0.0).any(axis=1)).any():
         return None
-    C = _diagonal(same.modes, system.C)
+    C = csr_matrix(diags_array((same.modes.T @ system.C @ same.modes).diagonal()))
     return replace(same, system=replace(same.system, C=C, law=_of_groups(law, same.gaps, same.signs)))
 
 
@@ -107,28 +110,34 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
     spread = _spread(gaps, signs)
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
     jumps = mean @ system.B.toarray()
-    merged = _quotient(system, gaps, signs, jumps, _modes(system, active, jumps))
-    with_points = _with_points(merged, system, (spread, mean))
-    if with_points is None:
-        return None
+    Q = _modes(system, active, jumps)
+    # the directions of every part; those of one stand side by side
+    width = {name: len(np.unique(Q[part].indices)) for name, part in system.parts.items()}
+    stops = dict(zip(width, np.cumsum(list(width.values())), strict=True))
+    smaller = replace(
+        system,
+        M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
+        C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
+        K=csr_matrix(diags_array((Q.T @ system.K @ Q).diagonal())),
+        B=csr_matrix(jumps @ Q),
+        load=Q.T @ system.load,
+        force=Q.T @ system.force,
+        observe=csr_matrix(system.observe @ Q),
+        law=_of_groups(system.law, gaps, signs),
+        parts={name: slice(int(stops[name] - width[name]), int(stops[name])) for name in width},
+    )
+    if system.at_point is not None:
+        at_gaps = system.at_point @ Q
+        at_groups = mean @ at_gaps
+        if np.abs((at_gaps - spread @ at_groups).toarray()).max() > _EXACT * np.abs(system.B @ Q).max():
+            return None  # jumps at the gaps' positions differ within a group
+        smaller = replace(smaller, at_point=csr_matrix(at_groups))
     for s in _shifts(system):
         whole = _jumps(system, active, mean.T.toarray(), s)
-        left_out = np.abs(whole - spread @ _jumps(merged.system, active, np.eye(len(jumps)), s)).max(axis=0)
+        left_out = np.abs(whole - spread @ _jumps(smaller, active, np.eye(len(jumps)), s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
-    return with_points
-
-
-def _with_points(merged: Symmetry, system: System, between: tuple[csr_matrix, csr_matrix]) -> Symmetry | None:
-    """The same with the jumps at the gaps' positions; None where they differ within a group."""
-    if system.at_point is None:
-        return merged
-    spread, mean = between
-    more = system.at_point @ merged.modes
-    own = mean @ more
-    if np.abs((more - spread @ own).toarray()).max() > _EXACT * np.abs(system.B @ merged.modes).max():
-        return None
-    return replace(merged, system=replace(merged.system, at_point=csr_matrix(own)))
+    return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
 
 
 def _spread(gaps: Ints, signs: Floats) -> csr_matrix:
@@ -214,55 +223,32 @@ def _expanded(modes: csr_matrix, merged: Coordinates, rows: slice) -> tuple[Floa
     return q @ modes.T, v @ modes.T
 
 
-def _clusters(system: System) -> Ints:
-    """The number of every mode's frequency; parts have their own."""
-    k, number, first = system.K.diagonal(), np.zeros(system.size, dtype=np.int64), 0
-    for part in system.parts.values():
-        order = part.start + np.argsort(k[part], kind="stable")
-        further = np.diff(k[order], prepend=-np.inf) > _SAME * k[order]
-        number[order] = first - 1 + np.cumsum(further)
-        first += int(further.sum())
-    return number
-
-
-def _equal_laws(system: System) -> Ints:
-    """The same number for gaps of one law, (ng,)."""
-    law = system.law
-    rigid = [np.isinf(law.K_n), np.isinf(law.K_s)]
-    springs = [np.where(*each) for each in zip(rigid, (0.0, 0.0), (law.K_n, law.K_s), strict=True)]
-    values = np.column_stack([*rigid, *springs, law.mu, law.gap])
-    return _told_apart(np.zeros(len(law), dtype=np.int64), values)
-
-
 def _partition(system: System, active: Ints, gaps: Ints) -> tuple[Ints, Floats]:
     """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
     law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
     signs = np.zeros((len(law), law.directions))
     signs[:, NORMAL] = 1.0
+    # what the gaps start with along j and k, beside the initial gap that it is measured by
+    slips = [np.column_stack([law.gap, slip]) for slip in (law.slip, law.slipped) if len(slip)]
     while before < (groups := gaps.max() + 1, np.abs(signs).sum()) and groups < len(law):
         before = (groups, np.abs(signs).sum())
         force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
         for s in _shifts(system):
-            for jump in (*_jumps(system, active, force.ravel(), s).T, *_initial_slips(law)):
+            for jump in (*_jumps(system, active, force.ravel(), s).T, *slips):
                 jump = jump.reshape(signs.shape)
-                moves = (signs == 0.0) & (np.abs(jump) > _TOLD * np.abs(jump).max())
+                moves = (signs == 0.0) & (np.abs(jump) > _DIFFERENT * np.abs(jump).max())
                 signs[moves] = np.sign(jump[moves])
-                gaps = _told_apart(gaps, signs * jump, np.abs(jump).max())
+                gaps = _separated(gaps, signs * jump, np.abs(jump).max())
     first = np.unique(gaps, return_index=True)[1]
     return np.asarray(np.argsort(np.argsort(first))[gaps]), signs
 
 
-def _initial_slips(law: GapLaw) -> list[Floats]:
-    """What the gaps start with along j and k, beside the initial gap that it is measured by, (ng, 3) each."""
-    return [np.column_stack([law.gap, slip]) for slip in (law.slip, law.slipped) if len(slip)]
-
-
-def _told_apart(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
+def _separated(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
     """Finer groups: gaps that differ in any column, by a share of its largest value or of a size."""
     labels = [gaps]
     for column in values.T:
         order = np.argsort(column)
-        further = np.diff(column[order]) > _TOLD * (np.abs(column).max() if size is None else size)
+        further = np.diff(column[order]) > _DIFFERENT * (np.abs(column).max() if size is None else size)
         label = np.zeros(len(gaps), dtype=np.int64)
         label[order[1:]] = np.cumsum(further)
         labels.append(label)
@@ -271,7 +257,13 @@ def _told_apart(gaps: Ints, values: Floats, size: float | None = None) -> Ints:
 
 def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     """Directions among the modes that forces on the groups or the loads move, (modes, directions)."""
-    number, drives = _clusters(system), np.column_stack([system.load[:, active], system.force])
+    k, number, first = system.K.diagonal(), np.zeros(system.size, dtype=np.int64), 0
+    for part in system.parts.values():  # number of every mode's frequency; parts have frequencies apart
+        order = part.start + np.argsort(k[part], kind="stable")
+        further = np.diff(k[order], prepend=-np.inf) > _SAME * k[order]
+        number[order] = first - 1 + np.cumsum(further)
+        first += int(further.sum())
+    drives = np.column_stack([system.load[:, active], system.force])
     size = np.bincount(number, weights=(system.B.toarray() ** 2).sum(axis=0))
     drives *= _MOVED / _DRIVEN / np.maximum(np.abs(drives).max(axis=0), 1e-300)
     moved = np.hstack([jumps.T / np.sqrt(np.maximum(size, 1e-300))[number, None], drives])
@@ -282,27 +274,6 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
         turned[np.ix_(modes, modes)] = U
         moves[modes] = np.arange(len(modes)) < (share > _MOVED).sum()
     return csr_matrix(turned.tocsc()[:, moves])
-
-
-def _quotient(system: System, gaps: Ints, signs: Floats, jumps: Floats, Q: csr_matrix) -> Symmetry:
-    """The system of the groups, which `gaps` numbers at every gap."""
-    smaller = replace(
-        system,
-        M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
-        C=_diagonal(Q, system.C),
-        K=_diagonal(Q, system.K),
-        B=csr_matrix(jumps @ Q),
-        load=Q.T @ system.load,
-        force=Q.T @ system.force,
-        observe=csr_matrix(system.observe @ Q),
-        law=_of_groups(system.law, gaps, signs),
-        parts=_parts(system, Q),
-    )
-    return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
-
-
-def _diagonal(Q: csr_matrix, A: csr_matrix) -> csr_matrix:
-    return csr_matrix(diags_array((Q.T @ A @ Q).diagonal()))
 
 
 def _of_groups(law: GapLaw, gaps: Ints, signs: Floats) -> GapLaw:
@@ -328,10 +299,3 @@ def _of_groups(law: GapLaw, gaps: Ints, signs: Floats) -> GapLaw:
         slipped=mean(law.slipped),
         joints={name: slice(int(a), int(b)) for name, (a, b) in ends.items()},
     )
-
-
-def _parts(system: System, Q: csr_matrix) -> dict[str, slice]:
-    """The directions of every part; those of one stand side by side."""
-    width = {name: len(np.unique(Q[part].indices)) for name, part in system.parts.items()}
-    stops = dict(zip(width, np.cumsum(list(width.values())), strict=True))
-    return {name: slice(int(stops[name] - width[name]), int(stops[name])) for name in width}
