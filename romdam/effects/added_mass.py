@@ -268,11 +268,7 @@ def _diagonalised(
 ) -> tuple[System, ModalCoordinates]:
     """A diagonal system in its modes with the water, whose operator on its wet unknowns is B[:, wet]."""
     k = system.K.diagonal()
-    M = np.eye(len(wet)) + B[:, wet].T @ water.times(B[:, wet])
-    try:
-        omega2, V = eigh(np.diag(k[wet]), 0.5 * (M + M.T))
-    except LinAlgError as error:
-        raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
+    omega2, V = wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
     omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
     more = system.at_point
@@ -302,3 +298,24 @@ def _diagonalised(
                 participation=turn.T @ part.participation,
             )
     return turned, replace(coordinates, basis=changed)
+
+
+def wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:
+    """Squared frequencies (m,) and vectors (m, m) of modes of unit mass with the water's mass.
+
+    Parameters
+    ----------
+    k : (m,) squared frequencies of the modes without water [1/s2]
+    B : (r, m) the water's operator on the modes
+
+    Raises
+    ------
+    ReductionError
+        where the mass is not positive definite.
+    """
+    M = np.eye(len(k)) + B.T @ water.times(B)
+    try:
+        omega2, V = eigh(np.diag(k), 0.5 * (M + M.T))
+    except LinAlgError as error:
+        raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
+    return np.asarray(omega2), np.asarray(V)

@@ -165,7 +165,7 @@ _FAULTS = [
         "fem/stress.py",
         _FEM,
         ("-(3.0 * lam + 2.0 * mu) * strain", "-(3.0 * lam + mu) * strain"),
-        ("found[:, :, v, :, k] += mu * g[..., l]", "found[:, :, v, :, k] += mu * g[..., k]"),
+        ("stress[:, :, v, :, k] += mu * g[..., l]", "stress[:, :, v, :, k] += mu * g[..., k]"),
     ),
     *_in(
         "fem/loads.py",
@@ -231,7 +231,7 @@ _FAULTS = [
     *_in(
         "contact/problem.py",
         _CONTACT,
-        ("2.0 / _HALF_WAY * flexibility", "1.0 / _HALF_WAY * flexibility"),
+        ("2.0 / _HALF_WAY * single_flexibility", "1.0 / _HALF_WAY * single_flexibility"),
         ("np.hypot(0.5 * (jj - kk), blocks", "np.hypot(jj - kk, blocks"),
     ),
     *_in(
@@ -259,8 +259,8 @@ _FAULTS = [
         "timestepping/peaks.py",
         ("tests/timestepping/test_peaks.py",),
         (
-            "size(at_points).max(axis=0) + peaks[name] - size(jump)",
-            "size(at_points).max(axis=0) + 0.0 * size(jump)",
+            "at_position.max(axis=0) + peaks[name] - seen",
+            "at_position.max(axis=0) + 0.0 * seen",
         ),
     ),
     *_in(
@@ -425,7 +425,7 @@ _FAULTS = [
     *_in(
         "linalg/modes/eigen.py",
         _REDUCTION,
-        ("return 1.0 / mu[finite] + shift", "return 1.0 / mu[finite] - shift"),
+        ("return (1.0 / mu[finite] + shift)", "return (1.0 / mu[finite] - shift)"),
     ),
     *_in(
         "linalg/modes/flexibility.py",

@@ -30,7 +30,7 @@ from romdam.contact.laws.law import (
 from romdam.contact.laws.slip_weakening import SlipWeakening
 from romdam.contact.laws.static_friction import StaticFriction
 from romdam.contact.laws.velocity_friction import VelocityFriction
-from romdam.contact.problem import gap_problem, self_flexibility
+from romdam.contact.problem import Limits, gap_problem, self_flexibility
 from romdam.core.system import GapLaw
 
 
@@ -49,18 +49,18 @@ def test_flexibility_of_a_gap_in_its_plane_is_that_of_the_softest_direction():
 def test_theta_of_springs_and_their_compliance():
     """theta = 1/2 + z / (z + 70) / 2 of z = k H is 3/4 at 70, 7/8 at 210 and 11/14 at 280/3."""
     H = np.diag([7e-8, 7e-8, 7e-8, 21e-8, 7e-8, 7e-8])
-    problem = gap_problem(H, law_of([1e9, 1e9], [1e9, 4e9 / 3]), (1e-3, 1.0))
+    problem = gap_problem(H, law_of([1e9, 1e9], [1e9, 4e9 / 3]), 1e-3, 1.0)
     ratio = np.array([1 / 3, 1 / 3, 1 / 3, 1 / 7, 3 / 11, 3 / 11])
     np.testing.assert_allclose(problem.theta_ratio, ratio, rtol=1e-12)
     compliance = np.array([1e-9, 1e-9, 1e-9, 1e-9, 0.75e-9, 0.75e-9]) * (1.0 + ratio)
     np.testing.assert_allclose(problem.compliance, compliance, rtol=1e-12)
     np.testing.assert_allclose(np.diagonal(problem.W), np.diagonal(H) + compliance, rtol=1e-12)
-    rigid = gap_problem(H, law_of([np.inf, 1e9], [1e9, 1e9]), (1e-3, 1.0))
+    rigid = gap_problem(H, law_of([np.inf, 1e9], [1e9, 1e9]), 1e-3, 1.0)
     assert rigid.theta_ratio[0] == rigid.compliance[0] == 0.0
 
 
 def test_shear_follows_its_spring_within_the_step():
-    """Springs of 0.03 m/N, r = 1/3: their compliance in the step is 0.04; another r along the normal.
+    """Springs of 0.03 m/N, r = 1/3: their compliance in the step is 0.04; rigid along the normal, open by 1.
 
     Jump y + rest - 0.04 t - r e = 0.02 + 0.02 + 0.24 - 0.02 = 0.26 and 0.05 - 0.01 + 0.12 + 0.01 = 0.17;
     force (rest - jump) / 0.03 = (-8, -6), on the disc of 5 (-4, -3), springs (0.12, 0.09); slip 0.26 - 0.12 -
@@ -69,18 +69,24 @@ def test_shear_follows_its_spring_within_the_step():
     less what is stored.
     """
     problem = SimpleNamespace(
-        theta_ratio=np.array([0.2, 1 / 3, 1 / 3]), compliance=np.array([0.5, 0.04, 0.04])
+        gap=np.zeros(1),
+        tension=np.zeros(1),
+        theta_ratio=np.array([0.0, 1 / 3, 1 / 3]),
+        compliance=np.array([0.0, 0.04, 0.04]),
     )
     memory = SimpleNamespace(
         force=np.array([9.0, -6, -3]),
         spring=np.array([0.7, 0.06, -0.03]),
         accumulated_slip=np.array([[0.02, -0.01]]),
+        limits=Limits(np.full((1, 2), 5.0), np.zeros((1, 2)), np.zeros(1)),
     )
     y, jump, force = np.array([1.0, 0.02, 0.05]), np.array([[0.0, 0.1, 0.2]]), np.zeros((1, 3))
-    held, slid = step._shear.py_func(problem, memory, (y, jump, force), (5.0, 5.0), 0)
-    np.testing.assert_allclose(jump[0], [0.0, 0.26, 0.17], rtol=1e-12)
-    np.testing.assert_allclose(force[0], [0.0, -4, -3], rtol=1e-12)
-    np.testing.assert_allclose(memory.spring, [0.7, 0.12, 0.09], rtol=1e-12)
+    dissipated = np.zeros(1)
+    gaps = SimpleNamespace(jump=jump, traction=force, state=np.zeros(1, int), dissipated_energy=dissipated)
+    held, slid = step._move.py_func(problem, memory, y, gaps)
+    np.testing.assert_allclose(jump[0], [1.0, 0.26, 0.17], rtol=1e-12)
+    np.testing.assert_allclose(force[0], [9.0, -4, -3], rtol=1e-12)
+    np.testing.assert_allclose(memory.spring, [0.0, 0.12, 0.09], rtol=1e-12)
     np.testing.assert_allclose(memory.accumulated_slip, [[0.14, 0.08]], rtol=1e-12)
     assert (held, slid) == (pytest.approx(0.375), pytest.approx(0.945 - 0.375))
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.sparse import csr_matrix, diags_array
 
 from romdam.core.scene import Sound
-from romdam.effects.added_mass import AddedMass, _wet_modes, added_mass_matrix
+from romdam.effects.added_mass import AddedMass, added_mass_matrix, wet_modes
 from romdam.effects.channel import impedance_network, radiating_end
 from romdam.effects.compressible_water import Waves, reduced_waves
 from romdam.fem.water.body import Section
@@ -14,7 +14,7 @@ from romdam.fem.water.body import Section
 def test_wet_mode_of_one_unknown():
     """k = 3 and B = 2 with F = 5: a mass of 1 + 2 5 2 = 21."""
     water = AddedMass({}, np.array([[5.0]]), np.zeros((1, 3)))
-    omega2, V = _wet_modes(np.array([3.0]), np.array([[2.0]]), water)
+    omega2, V = wet_modes(np.array([3.0]), np.array([[2.0]]), water)
     assert omega2 == pytest.approx([1 / 7]) and abs(V[0, 0]) == pytest.approx(21**-0.5)
     B = csr_matrix(np.array([[2.0, 0.0, 3.0]]))
     expected = 5.0 * np.array([[4, 0, 6], [0, 0, 0], [6, 0, 9]])
