@@ -1,5 +1,6 @@
 """The time that `romdam check` states: which parts of a record are run, and how they stand for the whole."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -89,3 +90,34 @@ def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch): 
     found = romdam.check(config)
     assert found.costs == {} and np.isnan(found.seconds)
     assert any("the time of a run" in text for text in found.skipped)
+
+
+def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
+    """6 s for the strongest record of 30 s; five runs of it and of one of 10 s: 5 40 / 30 times that."""
+
+    @dataclass(frozen=True)
+    class Reduced:
+        stress: object = None
+        scene: object = None
+        reduced: object = None
+        prepared: object = None
+        system: object = None
+
+    per_share = {"integration": 6.0, "estimate": 4.5, "stress": 3.0, "results": 0.0, "figures": 0.0}
+    steps = SimpleNamespace(interval=0.01)
+    monkeypatch.setattr(cost, "settings_for", lambda *_: SimpleNamespace(steps=steps))
+    monkeypatch.setattr(cost, "stress_fields", lambda *_: {})
+    monkeypatch.setattr(cost, "estimated_share", lambda *_: 1.0)
+    monkeypatch.setattr(
+        cost, "_run_parts", lambda job, model, motion, share: {n: s * share for n, s in per_share.items()}
+    )
+    keys = {"transient": SimpleNamespace(duration=None), "outputs": SimpleNamespace(plots=True)}
+    job = SimpleNamespace(config=SimpleNamespace(pipeline="run", **keys))
+    motions = [
+        GroundMotion(str(seconds), peak * np.ones((3, 100 * seconds + 1)), 0.01, {}, ())
+        for seconds, peak in ((10, 1.0), (30, 3.0))
+    ]
+    found = cost.run_costs(job, Reduced(system=SimpleNamespace(law=None)), motions, runs=5)
+    assert found["integration"] == pytest.approx(40.0) and found["estimate"] == pytest.approx(30.0)
+    assert found["stress"] == pytest.approx(20.0, abs=0.1)
+    assert found["results"] == pytest.approx(0.6 * 3) and found["figures"] == pytest.approx(1.5 * 2)

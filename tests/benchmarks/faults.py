@@ -444,7 +444,7 @@ _FAULTS = [
     ),
     *_in(
         "pipelines/cost.py",
-        ("tests/test_cost.py",),
+        ("tests/test_cost.py", "-k", "share or costs_are or length"),
         ("(seconds - slope * more) / _PARTS + slope", "(seconds - slope * more) + slope"),
         ("every = runs * sum(", "every = sum("),
         ("middles = [(k + 0.5) * whole", "middles = [k * whole"),
