@@ -420,7 +420,7 @@ _FAULTS = [
     *_in(
         "export/code_aster.py",
         ("tests/export/test_code_aster.py", "-k", "law_of_a_gap or loads_are"),
-        ("jump[:, 0] = -deck.gaps.law.K_nz", "jump[:, 0] = deck.gaps.law.K_nz"),
+        ("of_jumps[:, 0] = -law.K_nz", "of_jumps[:, 0] = law.K_nz"),
     ),
     *_in(
         "linalg/modes/eigen.py",
