@@ -113,7 +113,7 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         scene, contents = _sampled(job, scene, samples)
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)
-    statement = choice and choice.statement
+    statement = None if choice is None else choice.statement
     plan = Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
     _try_summary(plan)
     return plan
