@@ -9,8 +9,6 @@ from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located
 from romdam.core.errors import RecordError, RomdamError, placed
-from romdam.core.motion import GroundMotion
-from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
@@ -40,9 +38,9 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import initial_state
-from romdam.timestepping.steps import Steps
 
 _CLOSED = 5  # frequencies with closed joints that are told
+_LIBRARIES = 250e6  # bytes of memory that they take
 
 # Measured on one core of a 2-core x86-64 machine; good to a factor of three
 SECONDS_PER_PRODUCT = 2.5e-10  # one multiply-add of G q, G^T p or H p, memory-bound
@@ -153,7 +151,10 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             model = reduced_model(job, plan.scene, store, estimated=True)
     else:
         with clock.stage("records", "reading records"):
-            motions = _motions(job)
+            try:
+                motions = load_motions(job.config.records, job.folder)
+            except RecordError as error:
+                raise RecordError(located(job, error)) from None
         summarised = len(motions) > 1
         if summarised:
             refuse_summary(job, None)
@@ -162,47 +163,71 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         build_sibling(job, clock, store)
         job = with_scene_warnings(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
-    steps = {m.name: _steps(m, settings.steps, job.config.transient.duration) for m in motions}
+    duration, steps = job.config.transient.duration, dict[str, int]()
     for motion in motions:
-        refuse_large(job, [(model.prepared, motion, settings)], job.config.transient.duration)
+        seconds = motion.duration if duration is None else duration
+        steps[motion.name] = int(seconds / settings.steps.base + 1e-6)
+        refuse_large(job, [(model.prepared, motion, settings)], duration)
     with clock.stage("rest", "equilibrium at rest"), placed(job.path):
         model.prepared.integrator.supports(model.system)
         if model.reduced is not None:
             initial_state(model.prepared, settings)
     each = max(1, runs // len(motions))
-    total, closed = sum(steps.values()) * each, _closed(model)
+    total, system, scene = sum(steps.values()) * each, model.system, model.scene
     if model.reduced is None:
-        costs = dict.fromkeys(COSTS, 0.0) | {"integration": total * full_order_seconds(model.system)}
+        closed: tuple[float, ...] = ()
+        costs = dict.fromkeys(COSTS, 0.0) | {"integration": total * full_order_seconds(system)}
+        coordinates, basis = 0, 0
     else:
+        closed = tuple(closed_frequencies(system, _CLOSED).tolist())
         with clock.stage("cost", "running short parts for their time"):
             costs = run_costs(job, model, motions, each)
+        coordinates = system.size
+        basis = sum(block.vectors.nbytes for block in model.reduced.basis.values())
+    # bytes of a written row: jump, force and state of every gap, three motions, coordinates
+    row = 8.0 * (2 * system.B.shape[0] + len(system.law) / 8 + 3 * system.observe.shape[0] + coordinates + 12)
+    # memory of the longest run, basis, operators, and the libraries
+    most, stride = max(steps.values()), settings.steps.stride
+    operators = 8.0 * (system.B.nnz * 2 + float(system.B.shape[0]) ** 2 * 2)
+    memory = _LIBRARIES + run_bytes(system, most, most / stride + 1) + 2.0 * basis + operators
     return Check(
-        blocks={name: _block(model, name) for name in model.scene.blocks},
-        joints=_joints(model.scene),
-        records={m.name: _record(m, steps[m.name]) for m in motions},
-        unknowns=model.system.size,
+        blocks={name: _block(model, name) for name in scene.blocks},
+        joints={
+            name: {
+                "between": " - ".join(joint.blocks),
+                "gaps": len(joint.area),
+                "area": float(joint.whole_area.sum()),
+                "friction": float(joint.mu.max(initial=0.0)),
+                "water": math.hypot(*joint.water_resultant),
+            }
+            for name, joint in scene.joints.items()
+        },
+        records={
+            m.name: {
+                "dt": m.dt,
+                "duration": m.duration,
+                "peak_acceleration": m.peak,
+                "steps": steps[m.name],
+            }
+            for m in motions
+        },
+        unknowns=system.size,
         costs=costs,
-        memory=_memory(model, max(steps.values()), settings.steps.stride),
-        file_size=_row_bytes(model) * (total // settings.steps.stride + 1),
+        memory=memory,
+        file_size=row * (total // stride + 1),
         warnings=job_warnings(job, motions),
         closed_frequencies=closed,
-        ties=_ties(model.scene),
+        ties={
+            tie.name: {
+                "between": " - ".join(tie.blocks),
+                "nodes": len(tie.nodes[0]),
+                "discretization": "coincident nodes" if tie.weights is None else "mortar",
+            }
+            for tie in scene.ties
+        },
         solvers=tuple(filter(None, _solvers(job, model))),
         skipped=tuple(_skipped(asked, model, bool(closed), bool(costs))),
     )
-
-
-def _closed(model: Model) -> tuple[float, ...]:
-    """Frequencies with closed joints, of a reduced model."""
-    if model.reduced is None:
-        return ()
-    return tuple(closed_frequencies(model.system, _CLOSED).tolist())
-
-
-def _why_not_closed(model: Model) -> str:
-    if model.reduced is None:
-        return "the model is not reduced"
-    return f"more than {MOST} unknowns" if model.system.size > MOST else "the water has waves"
 
 
 def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]:
@@ -229,41 +254,24 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
     if job.config.model.modes == "auto":
         yield f"how many modes model.modes: auto takes; {FIRST} are taken here"
     if len(model.system.law) and not closed:
-        yield f"frequencies with closed joints: {_why_not_closed(model)}; `romdam modes --joints bonded`"
+        if model.reduced is None:
+            why = "the model is not reduced"
+        else:
+            why = f"more than {MOST} unknowns" if model.system.size > MOST else "the water has waves"
+        yield f"frequencies with closed joints: {why}; `romdam modes --joints bonded`"
     if job.config.pipeline == "suite":
         yield "equilibrium at rest of each sample; blocks and joints are those of the file's own values"
     yield "room on the disk, and figures"
 
 
 def _solvers(job: Job, model: Model) -> Iterator[str]:
+    """Tell which parts are solved by multigrid, as factors do not fit."""
     if model.reduced is None or job.config.model.modes == "all":
         return
     choice = mode_choice(job.config.model)
     for name, part in scene_parts(model.scene).items():
         unknowns = int((~part.fixed(model.scene.fixed)).sum())
         yield without_factors(unknowns, choice.columns, choice.solving, f"part {name}")
-
-
-def _ties(scene: Scene) -> dict[str, dict[str, object]]:
-    return {
-        tie.name: {
-            "between": " - ".join(tie.blocks),
-            "nodes": len(tie.nodes[0]),
-            "discretization": "coincident nodes" if tie.weights is None else "mortar",
-        }
-        for tie in scene.ties
-    }
-
-
-def _motions(job: Job) -> list[GroundMotion]:
-    try:
-        return load_motions(job.config.records, job.folder)
-    except RecordError as error:
-        raise RecordError(located(job, error)) from None
-
-
-def _steps(motion: GroundMotion, steps: Steps, duration: float | None) -> int:
-    return int((motion.duration if duration is None else duration) / steps.base + 1e-6)
 
 
 def _block(model: Model, name: str) -> dict[str, object]:
@@ -278,41 +286,7 @@ def _block(model: Model, name: str) -> dict[str, object]:
     return numbers | (dict(report) if isinstance(report, dict) else {})
 
 
-def _joints(scene: Scene) -> dict[str, dict[str, object]]:
-    return {
-        name: {
-            "between": " - ".join(joint.blocks),
-            "gaps": len(joint.area),
-            "area": float(joint.whole_area.sum()),
-            "friction": float(joint.mu.max(initial=0.0)),
-            "water": math.hypot(*joint.water_resultant),
-        }
-        for name, joint in scene.joints.items()
-    }
-
-
-def _record(motion: GroundMotion, steps: int) -> dict[str, object]:
-    return {"dt": motion.dt, "duration": motion.duration, "peak_acceleration": motion.peak, "steps": steps}
-
-
 def full_order_seconds(system: System) -> float:
     """CPU time of a step of the unreduced mesh [s]."""
     products = 2.0 * system.B.shape[0] * system.size
     return SECONDS_PER_FULL_UNKNOWN * system.size + SECONDS_PER_PRODUCT * products
-
-
-def _row_bytes(model: Model) -> float:
-    """Bytes of one written row: jump, force and state of every gap, three motions, coordinates."""
-    system = model.system
-    coordinates = system.size if model.reduced else 0
-    return 8.0 * (
-        2 * system.B.shape[0] + len(system.law) / 8 + 3 * system.observe.shape[0] + coordinates + 12
-    )
-
-
-def _memory(model: Model, steps: int, stride: int) -> float:
-    """The longest run, basis, operators, and the libraries."""
-    libraries = 250e6
-    basis = sum(block.vectors.nbytes for block in model.reduced.basis.values()) if model.reduced else 0
-    operators = 8.0 * (model.system.B.nnz * 2 + float(model.system.B.shape[0]) ** 2 * 2)
-    return libraries + run_bytes(model.system, steps, steps / stride + 1) + 2.0 * basis + operators

@@ -9,14 +9,12 @@ from pathlib import Path
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError, listed, placed
 from romdam.core.files import prepare_folder, replacing
-from romdam.core.motion import GroundMotion
-from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.export import matrices
 from romdam.export.build import build_deck
 from romdam.export.codes import CODES
-from romdam.export.deck import Deck, Motion
+from romdam.export.deck import Motion
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
@@ -69,12 +67,26 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
     """
     clock = Clock(show)
     with clock.stage("records", "reading records"):
-        motion = _motion(job, _record(job, options.record), options)
+        motions = {motion.name: motion for motion in load_motions(job.config.records, job.folder)}
+        if options.record is not None and options.record not in motions:
+            raise ConfigError(f"{job.path}: records has no {options.record!r}; it has {listed(motions)}")
+        record = motions[options.record or next(iter(motions))]
+        # at the steps of the script, rows at the job's interval or the whole step nearest to it
+        transient = job.config.transient
+        dt = options.dt or transient.finest_step or record.dt / _CUTS
+        stride = max(1, round((job.config.outputs.output_interval or dt) / dt))
+        acc = ground_at_steps(record, dt, options.duration or transient.duration)
+        motion = Motion(record.name, acc, dt, stride)
     with clock.stage("scene", "building the scene"), placed(job.path):
         scene = scene_of(job)
         for line in scene.remarks:
             log.warning("%s: %s", job.path, line)
-        deck = _deck(job, scene, motion)
+        config, law = job.config, None
+        if gap_law(scene).grout.any():
+            law = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law
+        title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
+        static = config.loads.initial_state == "static"
+        deck = build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))
     for name, text in files.items():
@@ -83,30 +95,6 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
     duration = motion.steps * motion.dt
     said = f"{motion.name}: {motion.steps} steps of {1e3 * motion.dt:g} ms, {duration:g} s"
     return Exported(tuple(folder / name for name in files), stated, said)
-
-
-def _record(job: Job, name: str | None) -> GroundMotion:
-    motions = {motion.name: motion for motion in load_motions(job.config.records, job.folder)}
-    if name is not None and name not in motions:
-        raise ConfigError(f"{job.path}: records has no {name!r}; it has {listed(motions)}")
-    return next(iter(motions.values())) if name is None else motions[name]
-
-
-def _motion(job: Job, record: GroundMotion, options: ExportOptions) -> Motion:
-    """The record at the steps of the script, rows at the job's interval or the whole step nearest to it."""
-    dt = options.dt or job.config.transient.finest_step or record.dt / _CUTS
-    duration = options.duration or job.config.transient.duration
-    stride = max(1, round((job.config.outputs.output_interval or dt) / dt))
-    return Motion(record.name, ground_at_steps(record, dt, duration), dt, stride)
-
-
-def _deck(job: Job, scene: Scene, motion: Motion) -> Deck:
-    config, law = job.config, None
-    if gap_law(scene).grout.any():
-        law = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law
-    title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
-    static = config.loads.initial_state == "static"
-    return build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
 
 
 @one_thread()

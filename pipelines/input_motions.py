@@ -105,24 +105,24 @@ def checked(motions: Motions) -> list[GroundMotion]:
     several = [motions] if isinstance(motions, GroundMotion) else list(motions)
     if not several:
         raise RecordError("motions: there is none; give one or more, or leave them out to run `records`")
-    complete = [_checked(motion, f"motions[{k}]") for k, motion in enumerate(several)]
+    complete = []
+    for k, motion in enumerate(several):
+        location = f"motions[{k}]"
+        if not isinstance(motion, GroundMotion):
+            raise RecordError(
+                f"{location}: expected a romdam.GroundMotion, got {quote(motion)}; from_arrays makes one"
+            )
+        again = GroundMotion.from_arrays(motion.name, motion.acc, motion.dt, place=location)
+        if not SHORTEST_DT <= again.dt <= LONGEST_DT:
+            raise RecordError(
+                f"{location}, {motion.name}: dt must be from {SHORTEST_DT:g} to {LONGEST_DT:g} s, got "
+                f"{again.dt:g} s"
+            )
+        remarks = too_strong(again.acc, f"{location}, {motion.name}")
+        if drifts := doubt_drift(again.acc, again.dt):
+            remarks += (drifts,)
+        warnings = tuple(dict.fromkeys((*motion.warnings, *remarks)))
+        provenance = {"place": location, **motion.provenance, **again.provenance_of_arrays}
+        complete.append(replace(again, provenance=provenance, warnings=warnings))
     check_names(complete)
     return complete
-
-
-def _checked(motion: GroundMotion, location: str) -> GroundMotion:
-    if not isinstance(motion, GroundMotion):
-        raise RecordError(
-            f"{location}: expected a romdam.GroundMotion, got {quote(motion)}; from_arrays makes one"
-        )
-    again = GroundMotion.from_arrays(motion.name, motion.acc, motion.dt, place=location)
-    if not SHORTEST_DT <= again.dt <= LONGEST_DT:
-        raise RecordError(
-            f"{location}, {motion.name}: dt must be from {SHORTEST_DT:g} to {LONGEST_DT:g} s, got "
-            f"{again.dt:g} s"
-        )
-    remarks = too_strong(again.acc, f"{location}, {motion.name}")
-    if drifts := doubt_drift(again.acc, again.dt):
-        remarks += (drifts,)
-    about = {"place": location, **motion.provenance, **again.provenance_of_arrays}
-    return replace(again, provenance=about, warnings=tuple(dict.fromkeys((*motion.warnings, *remarks))))

@@ -14,7 +14,7 @@ from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
-from romdam.scene.ties import Part, scene_parts
+from romdam.scene.ties import scene_parts
 from romdam.timestepping.steps import grid_steps, holds_samples
 
 _CONTENT = 0.9  # of the power of the acceleration lies below the frequency that the step is judged by
@@ -60,7 +60,13 @@ def log_scene_warnings(scene: Scene, job: Job) -> Job:
 
 def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
     """Damping of blocks that joints with friction alone hold: not of rigid motions, but by their matrices."""
-    sliding = [part for part in scene_parts(scene).values() if _slides(part, scene)]
+    sliding = []  # parts with mass that joints alone hold, and some of them by friction
+    for part in scene_parts(scene).values():
+        joints = [j for j in scene.joints.values() if set(j.blocks) & set(part.blocks)]
+        rubs = any((j.mu > 0.0).any() or any(rows.shear for rows in j.laws) for j in joints)
+        massive = any(scene.blocks[name].material.rho > 0.0 for name in part.blocks)
+        if massive and rubs and joints_alone_hold(part, scene):
+            sliding.append(part)
     names = [n for part in sliding for n in part.blocks if not brings_damping(scene.blocks[n])]
     if names and job.config.damping.acts:
         yield (
@@ -80,20 +86,22 @@ def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
             )
 
 
-def _slides(part: Part, scene: Scene) -> bool:
-    """Tell whether joints alone hold a part with mass, and some of them by friction."""
-    joints = [j for j in scene.joints.values() if set(j.blocks) & set(part.blocks)]
-    rubs = any((j.mu > 0.0).any() or any(rows.shear for rows in j.laws) for j in joints)
-    massive = any(scene.blocks[name].material.rho > 0.0 for name in part.blocks)
-    return massive and rubs and joints_alone_hold(part, scene)
-
-
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
     yield from motion.warnings
     transient, interval = job.config.transient, job.config.outputs.output_interval
     dt, seconds = transient.finest_step, transient.duration
     if interval is not None and not (dt is not None and dt > motion.dt):
-        yield from _of_samples_between_steps(motion, interval)
+        base = grid_steps(motion.dt, interval).base
+        if not holds_samples(base, motion.dt):
+            share, peak = lost_between(motion.acc, motion.dt, base)
+            cuts = max(1, round(motion.dt / interval))
+            better = motion.dt / cuts if interval < motion.dt else round(interval / motion.dt) * motion.dt
+            yield (
+                f"outputs.output_interval of {interval:.6g} s and the record's {motion.dt:.6g} s have no "
+                f"common step of a useful size: steps of {base:.3g} s pass by its samples and lose "
+                f"{share:.2g} of its acceleration in L2, {peak:.2g} of its peak at most; {better:.6g} s "
+                "loses nothing"
+            )
     if dt is not None:
         content = content_frequency(motion.acc, motion.dt, _CONTENT)
         if dt > motion.dt * (1.0 + 1e-9):
@@ -117,18 +125,3 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
         yield text
     elif seconds is not None and seconds > 2.0 * motion.duration:
         yield f"transient.duration of {seconds:g} s goes on long after the record, {motion.duration:g} s"
-
-
-def _of_samples_between_steps(motion: GroundMotion, interval: float) -> Iterator[str]:
-    """Tell what a record loses on steps that pass by its samples, as those of some intervals have to."""
-    base = grid_steps(motion.dt, interval).base
-    if holds_samples(base, motion.dt):
-        return
-    share, peak = lost_between(motion.acc, motion.dt, base)
-    parts = max(1, round(motion.dt / interval))
-    better = motion.dt / parts if interval < motion.dt else round(interval / motion.dt) * motion.dt
-    yield (
-        f"outputs.output_interval of {interval:.6g} s and the record's {motion.dt:.6g} s have no common "
-        f"step of a useful size: steps of {base:.3g} s pass by its samples and lose {share:.2g} of its "
-        f"acceleration in L2, {peak:.2g} of its peak at most; {better:.6g} s loses nothing"
-    )

@@ -80,7 +80,21 @@ def modes(
             log.warning("%s: %s", job.path, line)
         scene = _with_joints(job, built, options.joints)
     with clock.stage("modes", "finding the modes"), placed(job.path):
-        dataset = _dataset(job, scene, options)
+        solving = Solving(job.config.model.solver, job.config.model.memory)
+        bonded = options.joints == "bonded" and bool(scene.joints)
+        computed = natural_modes(scene, job.config.damping, options.count, bonded, solving)
+        values = {
+            "frequency": computed.freq,
+            "dry_frequency": computed.dry_freq,
+            "damping_ratio": computed.damping_ratio,
+            "modal_mass": computed.modal_mass,
+            "participation_factor": computed.participation,
+            "effective_mass": computed.effective_mass,
+            "motion_share": computed.motion,
+            "total_mass": computed.total_mass,
+            "shape": computed.shapes,
+        }
+        dataset = modes_dataset(scene, values, job, options.joints)
     if measured:
         numbers = match_modes(measured, dataset.frequency.values, dataset.motion_share.values)
         dataset = add_measured(dataset, measured, numbers)
@@ -91,7 +105,14 @@ def modes(
     if options.vtu:
         paths.append(write_shapes(scene, dataset, folder / f"{stem}.vtu"))
     with clock.stage("figures", "drawing the modes"):
-        paths += _draw(built, dataset, folder, stem)
+        from romdam.visual.mode_views import draw_measured, draw_modes  # here: matplotlib
+
+        try:
+            paths.append(draw_modes(built, dataset, folder / f"{stem}.png"))
+        except ResultError as error:
+            log.warning("the shapes are not drawn: %s", error)
+        if "measured" in dataset.dims:
+            paths.append(draw_measured(dataset, folder / f"{stem}-measured.png"))
     return ModesOutcome(dataset, tuple(paths))
 
 
@@ -109,36 +130,3 @@ def _with_joints(job: Job, scene: Scene, joints: Joints) -> Scene:
     if any(block.matrices is not None and block.matrices.C is not None for block in scene.blocks.values()):
         log.warning("%s: damping ratios are Rayleigh's: damping matrices of blocks are left out", job.path)
     return tie_joints(scene, names, job.config.every_joint, str(job.path))
-
-
-def _dataset(job: Job, scene: Scene, options: ModesOptions) -> xr.Dataset:
-    model = job.config.model
-    solving = Solving(model.solver, model.memory)
-    bonded = options.joints == "bonded" and bool(scene.joints)
-    computed = natural_modes(scene, job.config.damping, options.count, bonded, solving)
-    values = {
-        "frequency": computed.freq,
-        "dry_frequency": computed.dry_freq,
-        "damping_ratio": computed.damping_ratio,
-        "modal_mass": computed.modal_mass,
-        "participation_factor": computed.participation,
-        "effective_mass": computed.effective_mass,
-        "motion_share": computed.motion,
-        "total_mass": computed.total_mass,
-        "shape": computed.shapes,
-    }
-    return modes_dataset(scene, values, job, options.joints)
-
-
-def _draw(scene: Scene, dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
-    """Draw the shapes, where this machine can, and the comparison with what was measured."""
-    from romdam.visual.mode_views import draw_measured, draw_modes  # here: matplotlib
-
-    paths = []
-    try:
-        paths.append(draw_modes(scene, dataset, folder / f"{stem}.png"))
-    except ResultError as error:
-        log.warning("the shapes are not drawn: %s", error)
-    if "measured" in dataset.dims:
-        paths.append(draw_measured(dataset, folder / f"{stem}-measured.png"))
-    return paths

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
-from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.records.processing.support_motions import refuse_drift
 from romdam.records.record_set import load_motions
@@ -25,19 +25,19 @@ def scene_of(job: Job) -> Scene:
     scene = build_scene(job.config, job.folder, str(job.path))
     if scene.moving is None:
         return scene
-    motions = tuple(_with_record(motion, job) for motion in scene.moving.motions)
-    return replace(scene, moving=replace(scene.moving, motions=motions))
-
-
-def _with_record(motion: SupportMotion, job: Job) -> SupportMotion:
-    entry = job.config.supports[motion.support].motion
-    if entry is None or entry.record is None:
-        return motion
-    records, location = load_motions([entry.record], job.folder), f"{job.path}: {motion.name}.motion.record"
-    if len(records) != 1:
-        raise ConfigError(f"{location}: a support has one record, got {len(records)}; name one file")
-    refuse_drift(records[0], location)
-    return replace(motion, record=records[0])
+    motions = []
+    for motion in scene.moving.motions:
+        entry = job.config.supports[motion.support].motion
+        if entry is None or entry.record is None:
+            motions.append(motion)
+            continue
+        location = f"{job.path}: {motion.name}.motion.record"
+        records = load_motions([entry.record], job.folder)
+        if len(records) != 1:
+            raise ConfigError(f"{location}: a support has one record, got {len(records)}; name one file")
+        refuse_drift(records[0], location)
+        motions.append(replace(motion, record=records[0]))
+    return replace(scene, moving=replace(scene.moving, motions=tuple(motions)))
 
 
 def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:

@@ -15,7 +15,6 @@ import xarray as xr
 from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
 from romdam.core.errors import ConfigError, ResultError
-from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
@@ -69,11 +68,26 @@ def report(
         quantity, a configuration that is not the suite's, and where the folder refuses a file.
     """
     folder, options, clock = Path(folder), options or ReportOptions(), Clock(show)
-    with _open_summary(folder) as summary:
+    if not (folder / SUMMARY).is_file():
+        raise ResultError(
+            f"{folder}: holds no {SUMMARY}, so there is nothing to report; "
+            "`romdam run CONFIG --out DIR` of several records makes it"
+        )
+    with open_summary(folder) as summary:
         topic = _topic(summary, options, folder)
         if job is not None:
             _same(job, summary, folder)
-            write_dataset(_data(job, summary, clock), folder / DATA)
+            with clock.stage("records", "reading records"):
+                if job.config.pipeline == "suite":
+                    motions = {r.name: r.motion for r in read_records(job) if r.motion is not None}
+                else:
+                    motions = {motion.name: motion for motion in usable(records_of(job))}
+                duration = job.config.transient.duration
+                cut = {name: analysed(motion, duration) for name, motion in motions.items()}
+            with clock.stage("scene", "drawing the scene"):
+                drawn = _picture(build_scene(job.config, job.folder, str(job.path)))
+            with clock.stage("spectra", "computing spectra"):
+                write_dataset(report_data(summary, cut, drawn), folder / DATA)
         data = read_report_data(summary, folder)
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
@@ -96,15 +110,6 @@ def _files(summary: xr.Dataset, folder: Path) -> dict[RunIndex, list[tuple[str, 
         ]
         for at, result in results.items()
     }
-
-
-def _open_summary(folder: Path) -> xr.Dataset:
-    if not (folder / SUMMARY).is_file():
-        raise ResultError(
-            f"{folder}: holds no {SUMMARY}, so there is nothing to report; "
-            "`romdam run CONFIG --out DIR` of several records makes it"
-        )
-    return open_summary(folder)
 
 
 def _topic(summary: xr.Dataset, options: ReportOptions, folder: Path) -> Topic:
@@ -146,22 +151,6 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
             f"{job.path}: is not the configuration of {folder / SUMMARY}, which has another "
             f"{', '.join(other)}; give the one that made it, or none"
         )
-
-
-def _data(job: Job, summary: xr.Dataset, clock: Clock) -> xr.Dataset:
-    with clock.stage("records", "reading records"):
-        duration = job.config.transient.duration
-        read = {name: analysed(motion, duration) for name, motion in _motions(job).items()}
-    with clock.stage("scene", "drawing the scene"):
-        picture = _picture(build_scene(job.config, job.folder, str(job.path)))
-    with clock.stage("spectra", "computing spectra"):
-        return report_data(summary, read, picture)
-
-
-def _motions(job: Job) -> dict[str, GroundMotion]:
-    if job.config.pipeline != "suite":
-        return {motion.name: motion for motion in usable(records_of(job))}
-    return {record.name: record.motion for record in read_records(job) if record.motion is not None}
 
 
 def _picture(scene: Scene) -> bytes | None:

@@ -26,7 +26,7 @@ from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.step_control import simulate_to
-from romdam.timestepping.steps import Steps, grid_steps
+from romdam.timestepping.steps import grid_steps
 
 log = logging.getLogger(__name__)
 
@@ -99,8 +99,11 @@ def simulate_motions(
     """
     settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
-    _tell_shortened(job, settings)
-    accuracy = job.config.transient.step_accuracy
+    accuracy, asked_step = job.config.transient.step_accuracy, job.config.transient.finest_step
+    for finest in sorted({run_settings.steps.finest for run_settings in settings}):
+        if asked_step is not None and finest < asked_step * (1.0 - 1e-6):
+            text = "%s: transient.finest_step: %.6g s is taken, a whole part of the record's step, not %.6g s"
+            log.info(text, job.path, finest, asked_step)
     kinds = [
         (member.integrator, run_settings) for member, run_settings in zip(prepared, settings, strict=True)
     ]
@@ -119,17 +122,6 @@ def simulate_motions(
             histories = simulate_to(some, grounds, run_settings, accuracy, progress)
         outcomes.update(zip(group, histories, strict=True))
     return [outcomes[i] for i in range(len(motions))]
-
-
-def _tell_shortened(job: Job, settings: Sequence[Settings]) -> None:
-    """Log each finest step that is shorter than the one asked for."""
-    asked = job.config.transient.finest_step
-    if asked is None:
-        return
-    for finest in sorted({run_settings.steps.finest for run_settings in settings}):
-        if finest < asked * (1.0 - 1e-6):
-            text = "%s: transient.finest_step: %.6g s is taken, a whole part of the record's step, not %.6g s"
-            log.info(text, job.path, finest, asked)
 
 
 def simulate_motion(
@@ -182,28 +174,18 @@ def settings_for(
         them [s]
     """
     transient, interval = job.config.transient, job.config.outputs.output_interval
+    if transient.finest_step is not None:
+        steps = prepared.integrator.steps(transient.finest_step, motion.dt, interval)
+    else:  # those that an accuracy starts from, or has come to
+        steps = grid_steps(motion.dt, interval)
+        if chosen is not None:
+            finest, base = chosen
+            steps = prepared.integrator.steps(finest, base, steps.interval)
     return Settings(
-        steps=_steps(prepared, motion, interval, transient.finest_step, chosen),
+        steps=steps,
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
     )
-
-
-def _steps(
-    prepared: Prepared,
-    motion: GroundMotion,
-    interval: float | None,
-    configured: float | None,
-    chosen: tuple[float, float] | None,
-) -> Steps:
-    """The steps of a configured finest step, or those that an accuracy starts from, or has come to."""
-    if configured is not None:
-        return prepared.integrator.steps(configured, motion.dt, interval)
-    coarse = grid_steps(motion.dt, interval)
-    if chosen is None:
-        return coarse
-    finest, base = chosen
-    return prepared.integrator.steps(finest, base, coarse.interval)
 
 
 def ground_at_steps(

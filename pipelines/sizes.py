@@ -65,20 +65,16 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
                 f"{job.path}: outputs.output_interval: nothing but the start would be written of "
                 f"{motion.name}, {length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
             )
-        _refuse_rest(motion, length, f"{job.path}: {'transient.duration' if seconds is None else 'duration'}")
-
-
-def _refuse_rest(motion: GroundMotion, length: float, location: str) -> None:
-    """Refuse what ends before a record begins to move."""
-    share, _ = analysed_share(motion, length)
-    if share < LEAST_LEFT:
-        raise ConfigError(
-            f"{location}: the first {length:g} s of {motion.name} have a peak of "
-            f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, limit "
-            f"{LEAST_LEFT:g} of that: nothing but rest would be run; leave the duration out, or make it "
-            f"longer than {peak_time(motion):g} s, when that peak is (the step `pad` of a correction puts "
-            "zeros before a record)"
-        )
+        share, _ = analysed_share(motion, length)
+        if share < LEAST_LEFT:
+            raise ConfigError(
+                f"{job.path}: {'transient.duration' if seconds is None else 'duration'}: the first "
+                f"{length:g} s of {motion.name} have a peak of "
+                f"{share * motion.peak:.3g} m/s2, all {motion.duration:g} s of it {motion.peak:.3g} m/s2, "
+                f"limit {LEAST_LEFT:g} of that: nothing but rest would be run; leave the duration out, or "
+                f"make it longer than {peak_time(motion):g} s, when that peak is (the step `pad` of a "
+                "correction puts zeros before a record)"
+            )
 
 
 def run_bytes(system: System, steps: float, rows: float) -> float:

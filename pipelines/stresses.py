@@ -76,20 +76,17 @@ def stress_of(
             ),
         )
     else:
-        history, source = _observed(scene, history)
+        # what was observed: motions of probes, stress of nodes, forces on sections
+        probes, nodes = 3 * len(scene.probes), {n: len(s.nodes) for n, s in scene.stress.blocks.items()}
+        end = probes + 6 * sum(nodes.values())
+        offset = initial_stress(scene, stress_operators(scene))
+        source = StressHistory.observed(history.disp[:, probes:end], nodes, offset)
+        forces = history.disp[:, end:].reshape(len(history.time), -1, 6)
+        source = replace(source, sections=forces + sum(initial_forces(scene).values()))
+        motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
+        history = replace(history, **motion)
     if scene.stress.sections and scene.joints:
         operator, water = gap_section_operator(scene, history.traction.shape[2]), water_force(scene)
         gaps = gap_section_forces(operator, history.traction, (history.water, water))
         source = replace(source, sections=source.sections + gaps)
     return history, summarise(scene.stress, source, history.time)
-
-
-def _observed(scene: Scene, history: History) -> tuple[History, StressHistory]:
-    assert scene.stress is not None
-    probes, nodes = 3 * len(scene.probes), {name: len(s.nodes) for name, s in scene.stress.blocks.items()}
-    end = probes + 6 * sum(nodes.values())
-    offset = initial_stress(scene, stress_operators(scene))
-    source = StressHistory.observed(history.disp[:, probes:end], nodes, offset)
-    forces = history.disp[:, end:].reshape(len(history.time), -1, 6) + sum(initial_forces(scene).values())
-    motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
-    return replace(history, **motion), replace(source, sections=forces)

@@ -60,25 +60,21 @@ def suite_lock(folder: Path) -> Iterator[None]:
         raise ResultError(f"{folder / LOCK}: cannot be written ({error}); choose another folder") from error
     with file:
         if fcntl is not None:
-            _hold(file.fileno(), folder)
+            try:
+                fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                holder = os.pread(file.fileno(), _HELD, 0).decode(errors="replace")
+                raise ResultError(
+                    f"{folder}: another suite is at work there, {holder or 'a process that just began'}; "
+                    "wait for its end, stop it, or choose another folder"
+                ) from None
+            except OSError as error:  # a disk of a network that knows no locks
+                log.warning("%s: cannot be locked (%s); start no second suite there", folder, error)
         when = datetime.now().astimezone().isoformat(sep=" ", timespec="seconds")
         with suppress(OSError):  # a full disk: nobody can read who holds the lock, but it is held
             file.truncate(0)
             file.write(f"process {os.getpid()} on {socket.gethostname()} since {when}".encode())
         yield
-
-
-def _hold(descriptor: int, folder: Path) -> None:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        holder = os.pread(descriptor, _HELD, 0).decode(errors="replace") or "a process that just began"
-        raise ResultError(
-            f"{folder}: another suite is at work there, {holder}; wait for its end, stop it, or choose "
-            "another folder"
-        ) from None
-    except OSError as error:  # a disk of a network that knows no locks
-        log.warning("%s: cannot be locked (%s); start no second suite there", folder, error)
 
 
 @dataclass(frozen=True)
@@ -137,17 +133,13 @@ def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent)
                 "is it the suite's configuration? if so, run it first"
             )
         if remove:
-            _remove(ours)
+            for path in ours:
+                try:
+                    path.unlink()
+                except OSError as error:
+                    raise ResultError(f"{path}: cannot be removed ({error})") from error
             rewrite_rows(folder / JOURNAL, staying.values())
     return Cleaned(ours, len(rows) - len(staying), size, tuple(left.values()))
-
-
-def _remove(paths: Sequence[Path]) -> None:
-    for path in paths:
-        try:
-            path.unlink()
-        except OSError as error:
-            raise ResultError(f"{path}: cannot be removed ({error})") from error
 
 
 def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -91,69 +91,68 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     RomdamError
         for bad input.
     """
-    job = _suite_job(job)
+    config, suite = job.config, _suite(job)
+    if config.model.order == "full":
+        raise ConfigError(
+            f"{job.path}: model.order: a suite needs a reduced model, got full; set order: reduced, "
+            "or use pipeline: run"
+        )
+    # what the suite implies for the single runs
+    outputs = config.outputs
+    if isinstance(suite.keep, KeepConfig):
+        outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
+    implied = {"pipeline": "suite", "suite": suite, "outputs": outputs}
+    job = replace(job, config=config.model_copy(update=implied))
     with clock.stage("design", "reading the samples"):
-        places = varied_keys(job, _suite(job))
-        design = design_dataset(job, _suite(job), places)
+        places = varied_keys(job, suite)
+        design = design_dataset(job, suite, places)
     with clock.stage("records", "reading records"):
         considered: list[Loaded] = []
         records = read_records(job, considered.append)
-    _refuse_many(job, len(records), design.sizes["sample"])
+    scales, sample_count = scale_count(suite), design.sizes["sample"]
+    count = len(records) * scales * sample_count
+    if count > MOST_RUNS:
+        raise ConfigError(
+            f"{job.path}: suite: {len(records)} records at {scales} scales with {sample_count} samples are "
+            f"{count} runs, limit {MOST_RUNS}; split it into several suites"
+        )
     motions = [record.motion for record in records if record.motion is not None]
     log_warnings(job, ())  # of the records there may be hundreds
     job, choice = choose_mesh_and_modes(job, motions, clock)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
         places,
-        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(design.sizes["sample"])),
+        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(sample_count)),
     )
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
         job = log_scene_warnings(scene, job)
-        scene, contents = _sampled(job, scene, samples)
+        # the basis is of the joints of a sample with shear, if there is one
+        basis, contents = None if samples.places else scene, []
+        for number in range(sample_count):
+            sample_scene, varied = samples.scene(job, scene, number)
+            if basis is None and gap_law(sample_scene).directions == 3:
+                basis = sample_scene
+            contents.append(sample_content(sample_scene, varied))
+        scene = basis or scene
     samples = replace(samples, contents=tuple(contents))
     runs = _runs(records, _model_key(job, scene), contents)
+    # a summary without runs, written to nowhere: a name that it cannot hold is found before the first run
+    unmeasured = [replace(record, motion=None) for record in records]
+    with TemporaryDirectory() as folder:
+        try:
+            write_summary(summary_dataset(job, scene, design, unmeasured, {}), Path(folder))
+        except (ValueError, TypeError) as error:
+            raise ConfigError(
+                f"{job.path}: the title or a name cannot be written to a NetCDF file ({error}); use "
+                "plain letters"
+            ) from error
     statement = None if choice is None else choice.statement
-    plan = Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
-    _try_summary(plan)
-    return plan
-
-
-def _sampled(job: Job, scene: Scene, samples: Samples) -> tuple[Scene, list[str]]:
-    """The scene with the joints of a sample with shear, if there is one; the fingerprint of every sample."""
-    basis, contents = None if samples.places else scene, []
-    for number in range(len(samples.values)):
-        sample_scene, varied = samples.scene(job, scene, number)
-        law = gap_law(sample_scene)
-        if basis is None and law.directions == 3:
-            basis = sample_scene
-        contents.append(sample_content(sample_scene, varied))
-    return basis or scene, contents
+    return Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
 
 
 def _suite(job: Job) -> SuiteConfig:
     return job.config.suite or SuiteConfig()
-
-
-def _suite_job(job: Job) -> Job:
-    """The job with what its suite implies for the single runs.
-
-    Raises
-    ------
-    ConfigError
-        for a full-order model.
-    """
-    suite, config = _suite(job), job.config
-    if config.model.order == "full":
-        raise ConfigError(
-            f"{job.path}: model.order: a suite needs a reduced model, got full; set order: reduced, "
-            "or use pipeline: run"
-        )
-    outputs = config.outputs
-    if isinstance(suite.keep, KeepConfig):
-        outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
-    implied = {"pipeline": "suite", "suite": suite, "outputs": outputs}
-    return replace(job, config=config.model_copy(update=implied))
 
 
 def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list[SuiteRecord]:
@@ -172,54 +171,21 @@ def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list
         factors, message = no_factors(suite), located(job, loaded.error)
         if loaded.motion is not None:
             factors, message = scale_factors(suite, loaded.motion)
-            message = message or _unusable(job, loaded.motion) or _unmeasured(suite, loaded.motion)
+        if loaded.motion is not None and not message:  # what a run, or the summary, would find
+            try:
+                refuse_lengths(job, [loaded.motion])
+                refuse_drifting(job, [loaded.motion])
+            except (ConfigError, RecordError) as error:
+                message = str(error)
+        if loaded.motion is not None and not message:
+            try:
+                check_components(loaded.motion.acc, suite.of)
+            except RecordError as error:
+                message = f"{loaded.motion.name}: suite.{error}"
         records.append(SuiteRecord(loaded.name, None if message else loaded.motion, message, factors))
     if all(record.motion is None for record in records):
         raise RecordError("\n".join(f"{record.name}: {record.message}" for record in records))
     return records
-
-
-def _unusable(job: Job, motion: GroundMotion) -> str:
-    """Say why a record cannot be run, before a run would find it; empty where it can."""
-    try:
-        refuse_lengths(job, [motion])
-        refuse_drifting(job, [motion])
-    except (ConfigError, RecordError) as error:
-        return str(error)
-    return ""
-
-
-def _unmeasured(suite: SuiteConfig, motion: GroundMotion) -> str:
-    """Say why `suite.of` cannot be told of a record; empty where it can."""
-    try:
-        check_components(motion.acc, suite.of)
-    except RecordError as error:
-        return f"{motion.name}: suite.{error}"
-    return ""
-
-
-def _refuse_many(job: Job, records: int, samples: int) -> None:
-    """Refuse more runs than any machine holds the summary of."""
-    scales = scale_count(_suite(job))
-    count = records * scales * samples
-    if count > MOST_RUNS:
-        raise ConfigError(
-            f"{job.path}: suite: {records} records at {scales} scales with {samples} samples are {count} "
-            f"runs, limit {MOST_RUNS}; split it into several suites"
-        )
-
-
-def _try_summary(plan: Plan) -> None:
-    """Write a summary without runs to nowhere: a name that it cannot hold is found before the first run."""
-    unmeasured = [replace(record, motion=None) for record in plan.records]
-    with TemporaryDirectory() as folder:
-        try:
-            write_summary(summary_dataset(plan.job, plan.scene, plan.design, unmeasured, {}), Path(folder))
-        except (ValueError, TypeError) as error:
-            raise ConfigError(
-                f"{plan.job.path}: the title or a name cannot be written to a NetCDF file ({error}); use "
-                "plain letters"
-            ) from error
 
 
 def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) -> list[Run]:
@@ -269,7 +235,13 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
     known = read_rows(folder / JOURNAL)
     done = {key: known[key] for key in plan.first if key in known}
     if len(done) < len(plan.first):
-        _warn_of_other_code(known, folder / JOURNAL)
+        now = source_of_rows()  # the numbers of one suite are those of one code
+        for source, count in Counter(row.source for row in known.values() if row.source != now).items():
+            log.warning(
+                "%s: %d rows are of %s, this is %s; their runs are made again, for a suite has the numbers "
+                "of one code (to go on with theirs, install %s)",
+                folder / JOURNAL, count, source, now, source,
+            )  # fmt: skip
     if not suite.keeps_results:
         return done
     results, rows = KeptResults(suite, plan.motions), dict[str, Row]()
@@ -282,16 +254,6 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
             append_rows(folder / JOURNAL, [placed])
             results.remove_former(row, placed)
     return rows
-
-
-def _warn_of_other_code(rows: Mapping[str, Row], path: Path) -> None:
-    """Say of rows that other code computed: the numbers of one suite are those of one code."""
-    now = source_of_rows()
-    for source, count in Counter(row.source for row in rows.values() if row.source != now).items():
-        log.warning(
-            "%s: %d rows are of %s, this is %s; their runs are made again, for a suite has the numbers of "
-            "one code (to go on with theirs, install %s)", path, count, source, now, source,
-        )  # fmt: skip
 
 
 def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:

@@ -23,7 +23,7 @@ from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.mesh_error import state_mesh_error
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
 from romdam.pipelines.suites.runs import run_task
-from romdam.pipelines.suites.tasks import Suite, Task
+from romdam.pipelines.suites.tasks import Suite
 from romdam.pipelines.summary import refuse_summary, write_summary_files
 from romdam.records.record_set import write_choice
 from romdam.reduction.storage.model_file import BlockStore
@@ -141,7 +141,8 @@ def run_suite(
             tell(f"warning: {name}: {'; '.join(motion.warnings)}")
     if left:
         tell(of_no_run(left, job.path, folder))
-    failures = _failures(plan, rows)
+    failures = {record.name: record.message for record in plan.records if record.motion is None}
+    failures |= {run.name: rows[run.key].message for run in plan.runs if rows[run.key].message}
     return SuiteOutcome(path, summary, summary.status.size, count, failures, left, tuple(tables))
 
 
@@ -179,19 +180,15 @@ def _make_missing(
     left = missing
     with clock.stage("runs", f"{missing} runs") as progress:
         for number, done in pool.map(run_task, suite, tasks):
-            rows |= {row.key: row for row in _write_rows(tasks[number], done, folder)}
+            if isinstance(done, Exception):  # the rows of this task are left to be made again
+                message = f"its workers died, {done}; lower suite.batch, or give the workers more memory"
+                done = [Row(run.key, message, lasts=False) for run in tasks[number].runs]
+            else:
+                append_rows(folder / JOURNAL, [row for row in done if row.lasts])
+            rows |= {row.key: row for row in done}
             left -= len(tasks[number].runs)
             progress(missing - left, missing)
     return rows, missing
-
-
-def _write_rows(task: Task, done: list[Row] | Exception, folder: Path) -> list[Row]:
-    """Write the rows of a task; those of one whose workers died are left to be made again."""
-    if isinstance(done, Exception):
-        message = f"its workers died, {done}; lower suite.batch, or give the workers more memory"
-        return [Row(run.key, message, lasts=False) for run in task.runs]
-    append_rows(folder / JOURNAL, [row for row in done if row.lasts])
-    return done
 
 
 def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:
@@ -209,8 +206,3 @@ def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:
         f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "
         f"and {max(1.0, memory / 1e6):.0f} MB of memory for the summary"
     )
-
-
-def _failures(plan: Plan, rows: dict[str, Row]) -> dict[str, str]:
-    bad = {record.name: record.message for record in plan.records if record.motion is None}
-    return bad | {run.name: rows[run.key].message for run in plan.runs if rows[run.key].message}

@@ -74,8 +74,16 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     motions = [scaled(task.motions[run.record], run) for run in task.runs]
     outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
+    # each run has the share of the task's time that its own steps took
+    cpu_seconds = [
+        0.0 if isinstance(outcome, Exception)
+        else outcome.stats.get("all_runs_cpu_seconds", outcome.stats["loop_cpu_seconds"])
+        for outcome in outcomes
+    ]  # fmt: skip
+    total = sum(cpu_seconds)
+    shares = [seconds / total if total > 0.0 else 1.0 / len(outcomes) for seconds in cpu_seconds]
     rows = []
-    for run, motion, outcome, share in zip(task.runs, motions, outcomes, _shares(outcomes), strict=True):
+    for run, motion, outcome, share in zip(task.runs, motions, outcomes, shares, strict=True):
         if isinstance(outcome, Exception):
             rows.append(_failed(run, outcome))
             continue
@@ -109,17 +117,6 @@ def integrate_runs(
         integrate_runs(job, [lone_model], [motion])[0]
         for lone_model, motion in zip(models, motions, strict=True)
     ]
-
-
-def _shares(outcomes: Sequence[History | Exception]) -> list[float]:
-    """Of the time of a task, by what each run's own steps took."""
-    cpu = [
-        0.0 if isinstance(outcome, Exception)
-        else outcome.stats.get("all_runs_cpu_seconds", outcome.stats["loop_cpu_seconds"])
-        for outcome in outcomes
-    ]  # fmt: skip
-    total = sum(cpu)
-    return [seconds / total if total > 0.0 else 1.0 / len(cpu) for seconds in cpu]
 
 
 def _row(

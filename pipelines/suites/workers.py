@@ -15,7 +15,7 @@ import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -82,13 +82,17 @@ class _Nursery:
         # imports pass over anything else, too
         path = [folder for folder in sys.path if isinstance(folder, str)]
         code = _CODE.format(path=path, fd=theirs.fileno(), module=module)
-        with _deaf_to_interrupts():
+        # it does not hear Ctrl-C: this process ends it
+        masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", code],
                 stdin=subprocess.DEVNULL,
                 pass_fds=[theirs.fileno()],
                 env=os.environ | dict.fromkeys(VARIABLES, "1"),
             )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, masked)
         theirs.close()
 
     def end(self) -> int:
@@ -120,16 +124,6 @@ def _leave() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_ready.clear)  # it serves the process that has started it
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started in the body of a `with` statement do not hear Ctrl-C: their caller ends them."""
-    masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 
 
 def serve(fd: int, module: str) -> None:

@@ -88,7 +88,7 @@ def gaps_text(deck: Deck) -> str:
         of_kind = np.flatnonzero(kind.ravel() == k)
         lines += [
             f"*ELEMENT, TYPE=SPRING1, ELSET=G{k}",
-            *((f"{number + i}, {first + gap}" for i, gap in enumerate(of_kind.tolist()))),
+            *(f"{number + i}, {first + gap}" for i, gap in enumerate(of_kind.tolist())),
         ]
         lines += [f"*SPRING, NONLINEAR, ELSET=G{k}", "1"]
         lines += [f"{_number(-K_n * _REACH)}, {_number(-gap - _REACH)}", f"0.0, {_number(-gap)}"]
@@ -99,7 +99,7 @@ def gaps_text(deck: Deck) -> str:
         for axis in (2, 3):
             lines += [
                 f"*ELEMENT, TYPE=SPRING1, ELSET=S{k}_{axis}",
-                *((f"{number + i}, {first + gap}" for i, gap in enumerate(sliding_gaps.tolist()))),
+                *(f"{number + i}, {first + gap}" for i, gap in enumerate(sliding_gaps.tolist())),
             ]
             lines += [f"*SPRING, ELSET=S{k}_{axis}", str(axis), _number(stiffness)]
             number += len(sliding_gaps)

@@ -130,7 +130,7 @@ def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
     config, outcome = whole
     before = summary(outcome.path.parent)
     monkeypatch.setattr(CraigBampton, "reduce", None)
-    monkeypatch.setattr(pipeline, "_write_rows", None)
+    monkeypatch.setattr(pipeline, "append_rows", None)
     again = made(config, outcome.path.parent)
     assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []
 
@@ -151,15 +151,15 @@ def test_only_what_is_stale_is_made_again(whole, tmp_path):
 
 def test_interrupted_suite_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch):
     config, outcome = whole
-    real, landed = pipeline._write_rows, []
+    real, landed = pipeline.append_rows, []
 
-    def stop(task, found, folder):
-        landed.append(real(task, found, folder))
+    def stop(path, rows):
+        real(path, rows)
+        landed.append(rows)
         if len(landed) == 4:
             raise KeyboardInterrupt
-        return landed[-1]
 
-    monkeypatch.setattr(pipeline, "_write_rows", stop)
+    monkeypatch.setattr(pipeline, "append_rows", stop)
     with pytest.raises(KeyboardInterrupt):
         made(config, tmp_path)
     monkeypatch.undo()
