@@ -309,6 +309,16 @@ def _matrices() -> dict[str, Any]:
     return raw
 
 
+def _total() -> dict[str, Any]:
+    raw = {key: copy.deepcopy(_TWO[key]) for key in ("materials", "blocks", "supports", "damping", "records")}
+    return raw | {
+        "joints": {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
+        "model": {"modes": "auto"},
+        "transient": {"accuracy": {"total": "50 %", "of": "opening"}},
+        "outputs": {"plots": False},
+    }
+
+
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
     "arch": _arch(),
@@ -317,6 +327,7 @@ BASES: dict[str, dict[str, Any]] = {
     "others": _others(),
     "waves": _waves(),
     "matrices": _matrices(),
+    "total": _total(),
 }
 
 
