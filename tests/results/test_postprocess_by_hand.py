@@ -7,7 +7,7 @@ import xarray as xr
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Section
 from romdam.postprocess.dependence import correlation
-from romdam.postprocess.fragility import _product_limit
+from romdam.postprocess.fragility import product_limit
 from romdam.postprocess.lognormal import Observations
 from romdam.postprocess.maxima import maxima
 from romdam.postprocess.record_curves import record_curves
@@ -87,7 +87,7 @@ def test_correlation_of_four_records():
 def test_a_record_cut_off_at_a_capacity_counts_there():
     """1 of 3 at the first; of the last two, one is cut off at the second: 1 - 2/3 1/2."""
     seen = Observations(np.array([0.0, 1.0]), np.zeros(0), np.array([1.0]))
-    np.testing.assert_allclose(_product_limit(seen), [[1.0, 1 / 3, 1], [np.e, 2 / 3, 1]])
+    np.testing.assert_allclose(product_limit(seen), [[1.0, 1 / 3, 1], [np.e, 2 / 3, 1]])
 
 
 def test_measures_grow_with_the_scale():
