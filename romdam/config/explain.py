@@ -57,6 +57,7 @@ _MISSING = {
     "between": ", for example `between: [left, right]`",
     "records": ", for example `records: [{file: record.txt, unit: g, dt: 0.01 s, components: {y: 1}}]`",
     "model": ", for example `model: {order: reduced, modes: 60}`",
+    "water.model": ", for example `model: incompressible`",
     "transient": ", for example `transient: {finest_step: 2.5 ms}`",
     "materials": ", for example `materials: {concrete: {E: 30 GPa, nu: 0.18, rho: 2400 kg/m3}}`",
 }
@@ -113,7 +114,7 @@ def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel]
             remedy = f"; did you mean {close[0]!r}?"
         return f"{key} is not a known key{remedy}"
     if kind == "missing":
-        return f"{key} is missing and has no default; add it{_MISSING.get(name, '')}"
+        return f"{key} is missing and has no default; add it{_MISSING.get(key, _MISSING.get(name, ''))}"
     if kind in _LIMITS:
         message = _LIMITS[kind].format(**context)
     elif kind == "too_short":

@@ -228,3 +228,12 @@ def test_a_message_names_the_line_of_the_file(tmp_path):
         assert any(
             told.startswith(f"{path}:{line}: ") and message in told for told in str(caught.value).splitlines()
         )
+
+
+def test_the_model_of_the_water_is_not_that_of_the_job():
+    raw = example() | {"water": {"level": 10.0, "faces": [{"block": "left", "face": "ymin"}]}}
+    with pytest.raises(ConfigError) as caught:
+        parse_config(raw, "s.yaml")
+    assert "water.model is missing and has no default; add it, for example `model: incompressible`" in str(
+        caught.value
+    )
