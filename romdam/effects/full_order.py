@@ -14,7 +14,7 @@ from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.damping import sliding_motions
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
-from romdam.fem.parts import part_inertia, part_matrices, part_operator, unknowns
+from romdam.fem.parts import assemble_inertia, assemble_part, part_operator, unknowns
 from romdam.scene.ties import scene_parts
 
 
@@ -44,12 +44,12 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
     K, M, B, load, at_point, rigid = [], [], [], [], [], []
     for name, part in parts.items():
         free = numbered.free[name]
-        stiffness, mass = part_matrices(part, assembly)
+        stiffness, mass = assemble_part(part, assembly)
         K.append(stiffness[free][:, free])
         M.append(mass[free][:, free])
         B.append(part_operator(part, operators)[:, free])
         at_point += [] if more is None else [part_operator(part, more)[:, free]]
-        load.append(part_inertia(part, scene, assembly)[free])
+        load.append(assemble_inertia(part, scene, assembly)[free])
         assembly.release(part.blocks)
         rigid.append(sliding_motions(part, scene, K[-1], M[-1], free))
     held = [part.stands_free(scene) for part in parts.values()]

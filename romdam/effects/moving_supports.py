@@ -28,7 +28,7 @@ from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import Coordinates
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_operators, point_operators
-from romdam.fem.parts import gather, part_matrices
+from romdam.fem.parts import assemble_part, gather
 from romdam.geometry.elements import Floats
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import AUTO, Solving, make_solver
@@ -127,7 +127,7 @@ def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> d
             )
         blocks = _of_blocks(part, moved, held[size:])
         force = gather(part, {name: -(assembly.matrices(name)[0] @ u) for name, u in blocks.items()})
-        K = csr_matrix(part_matrices(part, assembly)[0][free][:, free])
+        K = csr_matrix(assemble_part(part, assembly)[0][free][:, free])
         rigid = rigid_motions(part.mesh(scene.blocks), np.arange(part.nodes)).reshape(-1, 6)[free]
         motions = Motions(np.flatnonzero(free), rigid)
         moved[free] = make_solver(K, motions, held.shape[1], solving, f"part {part.name}").solve(force[free])

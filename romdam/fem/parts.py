@@ -15,7 +15,7 @@ from romdam.geometry.elements import Floats
 from romdam.scene.ties import Part, scene_parts
 
 
-def part_matrices(part: Part, assembly: Assembly) -> tuple[csr_matrix, csr_matrix]:
+def assemble_part(part: Part, assembly: Assembly) -> tuple[csr_matrix, csr_matrix]:
     """Stiffness and mass over the part's DOFs, (3 nodes, 3 nodes) each; supports not applied."""
     size = 3 * part.nodes
     K, M = csr_matrix((size, size)), csr_matrix((size, size))
@@ -26,7 +26,7 @@ def part_matrices(part: Part, assembly: Assembly) -> tuple[csr_matrix, csr_matri
     return csr_matrix(K), csr_matrix(M)
 
 
-def part_inertia(part: Part, scene: Scene, assembly: Assembly) -> Floats:
+def assemble_inertia(part: Part, scene: Scene, assembly: Assembly) -> Floats:
     """M r of the blocks that the ground's acceleration acts on, (3 nodes, 3) [kg].
 
     Block by block: the part's own mass lacks the coupling to slave nodes that supports hold.

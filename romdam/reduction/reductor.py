@@ -19,7 +19,7 @@ from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.geometry.meshes.quality import refuse_loose_nodes
 from romdam.reduction.basis import Augmented
 from romdam.reduction.mode_choice import ModeChoice
-from romdam.reduction.storage.keys import ROOMS, part_content
+from romdam.reduction.storage.keys import ROOMS, key_content
 from romdam.reduction.storage.model_file import LAYOUT, BlockStore, Contained
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
@@ -99,7 +99,7 @@ class Reductor(Protocol):
 
     def key(self, substructure: Substructure, choice: ModeChoice) -> object:
         """Return everything that the basis depends on, as `fingerprint` takes it; here all that is known."""
-        return part_content(substructure, choice)
+        return key_content(substructure, choice)
 
     def reduce(self, substructure: Substructure, choice: ModeChoice, files: BasisFiles) -> Iterator[Bases]:
         """Yield the basis of every block, then a finer one, which is taken if an error is to be estimated.

@@ -78,9 +78,11 @@ def run_log(folder: Path, config: Path, exit_code: Callable[[BaseException], int
     except BaseException as error:
         code = exit_code(error)
         if not hasattr(error, "exit_code"):  # else what is wrong is said already
-            told = isinstance(error, RomdamError) or not isinstance(error, Exception)
+            expected = isinstance(error, RomdamError) or not isinstance(error, Exception)
             text = str(error) or type(error).__name__
-            SAID.error("%s", text if told else traceback.format_exc().rstrip())  # else the program's mistake
+            SAID.error(
+                "%s", text if expected else traceback.format_exc().rstrip()
+            )  # else the program's mistake
         raise
     finally:
         wall, cpu = time.perf_counter() - begun[0], time.process_time() - begun[1]

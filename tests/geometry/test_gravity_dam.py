@@ -15,7 +15,7 @@ from romdam.core.errors import ConfigError
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly, assemble
 from romdam.fem.gaps import gap_law, gap_operators
-from romdam.fem.parts import part_matrices, unknowns
+from romdam.fem.parts import assemble_part, unknowns
 from romdam.geometry.facets import area_vectors, boundary_facets
 from romdam.reduction.natural_modes import natural_modes
 from romdam.scene.build import build_scene
@@ -166,7 +166,7 @@ def test_linear_displacement_passes_through_joints_that_are_tied(make, element):
     assert not scene.joints
     (part,) = scene_parts(scene).values()
     mesh = part.mesh(scene.blocks)
-    K = part_matrices(part, Assembly(scene.blocks))[0]
+    K = assemble_part(part, Assembly(scene.blocks))[0]
     u = mesh.points @ np.array([[1.0, 0.3, -0.2], [0.1, -0.5, 0.4], [0.2, 0.6, 0.8]]).T
     force = (K @ u.ravel()).reshape(-1, 3)
     inner = np.setdiff1d(np.arange(part.nodes), np.unique(boundary_facets(mesh.cells, mesh.element)))

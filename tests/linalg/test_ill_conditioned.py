@@ -11,7 +11,7 @@ from romdam.config.sections.job import BoxConfig, DampingConfig
 from romdam.core.errors import MeshError
 from romdam.core.scene import Material, Scene, Tie
 from romdam.fem.assembly import Assembly, assemble
-from romdam.fem.parts import part_matrices
+from romdam.fem.parts import assemble_part
 from romdam.geometry.boxes import box_block
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.quality import refuse_bad_cells
@@ -57,7 +57,7 @@ def soft_on_stiff():
     blocks = {"low": low, "high": high}
     tie = Tie("t", ("low", "high"), (order[0], order[1]))
     (part,) = merged_parts({n: np.zeros(b.points.shape, bool) for n, b in blocks.items()}, (tie,)).values()
-    return held(part.mesh(blocks), *part_matrices(part, Assembly(blocks)))
+    return held(part.mesh(blocks), *assemble_part(part, Assembly(blocks)))
 
 
 CASES = {"aspect ratio 50": flat_elements, "nu 0.49": nearly_incompressible, "contrast 1e4": soft_on_stiff}

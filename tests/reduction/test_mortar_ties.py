@@ -20,7 +20,7 @@ from romdam.core.scene import FacePressure, Material, Probe, Scene, StressNodes,
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly, assemble
 from romdam.fem.loads import static_force
-from romdam.fem.parts import basis_over_unknowns, gather, part_matrices, unknowns
+from romdam.fem.parts import assemble_part, basis_over_unknowns, gather, unknowns
 from romdam.fem.stress import modal_stress, observed_stress, stress_operators
 from romdam.geometry.boxes import box_block
 from romdam.geometry.facets import area_vectors, boundary_facets
@@ -81,7 +81,7 @@ def patch(built):
         np.add.at(force, facets[on], area_vectors(block.points, facets[on]) @ stress_of(A))
         outer[name] = force.ravel()
     traction = gather(part, outer)
-    K = part_matrices(part, Assembly(built.blocks))[0]
+    K = assemble_part(part, Assembly(built.blocks))[0]
     return np.abs(K @ u - traction).max() / np.abs(traction).max()
 
 
@@ -94,7 +94,7 @@ def test_constant_stress_passes(sizes):
 def test_rigid_motion_of_the_whole_costs_nothing():
     built = tower(held=())
     (part,) = scene_parts(built).values()
-    K, M = part_matrices(part, Assembly(built.blocks))
+    K, M = assemble_part(part, Assembly(built.blocks))
     x = part.mesh(built.blocks).points[: part.nodes]
     motions = np.column_stack(
         [np.tile(e, len(x)) for e in np.eye(3)] + [np.cross(e, x).ravel() for e in np.eye(3)]

@@ -54,7 +54,7 @@ from romdam.reduction.methods.merged_part import (
 from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
-from romdam.reduction.storage.keys import part_content
+from romdam.reduction.storage.keys import key_content
 from romdam.reduction.storage.model_file import Contained
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
@@ -80,7 +80,7 @@ class FreeInterface(Reductor):
 
     def key(self, substructure: Substructure, choice: ModeChoice) -> object:
         """Everything in the part, and the number of free modes."""
-        return part_content(substructure, _with_more_modes(choice))
+        return key_content(substructure, _with_more_modes(choice))
 
     def reduce(self, substructure: Substructure, choice: ModeChoice, files: BasisFiles) -> Iterator[Bases]:
         """Yield the bases of the blocks, in their files from the first column on.

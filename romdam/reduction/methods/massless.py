@@ -29,7 +29,7 @@ from romdam.linalg.solvers import make_solver
 from romdam.reduction.methods.merged_part import merge_blocks
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
-from romdam.reduction.storage.keys import part_content
+from romdam.reduction.storage.keys import key_content
 from romdam.reduction.substructure import Substructure
 
 log = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class Massless(Reductor):
 
     def key(self, substructure: Substructure, choice: ModeChoice) -> object:
         """Everything in the part; modes do not count."""
-        return part_content(substructure, ModeChoice(count=0))
+        return key_content(substructure, ModeChoice(count=0))
 
     def reduce(self, substructure: Substructure, choice: ModeChoice, files: BasisFiles) -> Iterator[Bases]:
         """Yield the bases of the part's blocks, of the same coordinates."""

@@ -22,7 +22,7 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.effects.added_mass import WetMass
 from romdam.effects.free_field import field_shapes
 from romdam.fem.absorbing import boundary_dashpots
-from romdam.fem.parts import gather, part_matrices
+from romdam.fem.parts import assemble_part, gather
 from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver
@@ -129,7 +129,7 @@ def merge_blocks(substructure: Substructure, loads: Sequence[csr_matrix | Floats
     label : what to call the part in messages
     """
     mesh_part, scene, free = substructure.mesh_part, substructure.scene, substructure.free
-    K, M = part_matrices(mesh_part, substructure.assembly)
+    K, M = assemble_part(mesh_part, substructure.assembly)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
     held, wet = mesh_part.stands_free(scene), substructure.wet
     nodes = np.arange(mesh_part.nodes)

@@ -32,7 +32,7 @@ def block_content(substructure: Substructure, choice: ModeChoice) -> tuple[objec
     return mesh, fixed, *absorbing, *matrices, substructure.interface, loads, choice.stored, *water
 
 
-def part_content(substructure: Substructure, choice: ModeChoice) -> tuple[object, ...]:
+def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object, ...]:
     """Return everything that is known of a part and its loads, on which any basis of it depends."""
     mesh_part, scene, wet = substructure.mesh_part, substructure.scene, substructure.wet
     of_blocks = [

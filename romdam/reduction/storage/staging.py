@@ -18,7 +18,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.fem.assembly import Assembly, assemble_mass
 from romdam.fem.loads import weight_force
-from romdam.fem.parts import gather, part_matrices
+from romdam.fem.parts import assemble_part, gather
 from romdam.fem.sections import initial_section_forces
 from romdam.fem.stress import thermal_stress
 from romdam.linalg.factor import Factor
@@ -65,7 +65,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
             name: weight_force(scene, name, assembly.matrices(name)[1]).ravel() for name in mesh_part.blocks
         }
         free = ~mesh_part.fixed(scene.fixed).ravel()
-        K = csr_matrix(part_matrices(mesh_part, assembly)[0][free][:, free])
+        K = csr_matrix(assemble_part(mesh_part, assembly)[0][free][:, free])
         u = np.zeros(len(free))
         u[free] = Factor(K).solve(gather(mesh_part, weights)[free])
         for name in mesh_part.blocks:
