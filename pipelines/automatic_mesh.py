@@ -15,6 +15,7 @@ from romdam.core.system import History
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, percent
 from romdam.pipelines.simulation import Model
+from romdam.postprocess.stress.summary import StressSummary
 from romdam.timestepping.integrators.protocol import Progress
 
 MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
@@ -51,7 +52,12 @@ class MeshChoice:
     statement: ErrorStatement
 
     def state(
-        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+        self,
+        model: Model,
+        history: History,
+        stress: StressSummary | None,
+        motion: GroundMotion,
+        progress: Progress,
     ) -> ErrorStatement:
         """State the error of the mesh in a run: that of the run which it was chosen on."""
         return self.statement

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import xarray as xr
 
 from romdam.config.load import Job, Source
-from romdam.config.other_mesh import with_mesh_of
+from romdam.config.other_mesh import with_compared_stress, with_mesh_of
 from romdam.core.errors import (
     ConfigError,
     MeshError,
@@ -38,7 +38,7 @@ from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
-from romdam.pipelines.error.sibling import Sibling, run_of, sibling_job
+from romdam.pipelines.error.sibling import Sibling, run_with_stress, sibling_job, with_stress
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -277,7 +277,7 @@ def build_sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling |
     finer = asked == "finer"
     try:
         other = sibling_job(job, finer=finer)
-        return Sibling(other, build_model(other, Clock(clock.show), store), finer)
+        return Sibling(other, with_stress(build_model(other, Clock(clock.show), store)), finer)
     except (ConfigError, MeshError, ReductionError) as error:
         raise ConfigError(f"{job.path}: outputs.mesh_error: no {asked} mesh: {error}") from None
 
@@ -377,16 +377,16 @@ def choose_mesh_and_modes(
         motion = max(motions, key=lambda m: m.peak)
         wall, cpu = time.perf_counter(), cpu_time()
         seconds = job.config.transient.duration
-        trial_job = with_modes_chosen(job, [motion], clock, store)
+        trial_job = with_compared_stress(with_modes_chosen(job, [motion], clock, store))
 
         def run_mesh(on_mesh: Job, name: str) -> Trial:
             start = cpu_time()
             log.debug("%s: begins", name)
             with clock.show(f"choosing the mesh: {name}") as progress:
-                model = build_model(on_mesh, Clock(silent), store)
+                model = with_stress(build_model(on_mesh, Clock(silent), store))
                 history = simulate_motion(on_mesh, model.prepared, motion, seconds, progress)
             log.info("%s: tried in %.1f s of CPU", name, cpu_time() - start)
-            return Trial(run_of(model, history), cpu_time() - start)
+            return Trial(run_with_stress(model, history), cpu_time() - start)
 
         about = {"record": motion.name, "seconds": seconds or motion.duration}
         choice = choose_mesh(trial_job, total, run_mesh, about)
@@ -455,12 +455,12 @@ def run_motion(
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
     history, estimate = _estimated(job, model, motion, history, clock)
+    with clock.stage("stress", "summing up the stress"):
+        history, stress = stress_of(model.scene, model.stress, history)
     mesh_error = None
     if of_mesh is not None:
         with clock.stage("mesh", "stating the error of the mesh") as progress:
-            mesh_error = of_mesh.state(model, history, motion, progress)
-    with clock.stage("stress", "summing up the stress"):
-        history, stress = stress_of(model.scene, model.stress, history)
+            mesh_error = of_mesh.state(model, history, stress, motion, progress)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
         case = Case(model.scene, motion, history, stress)

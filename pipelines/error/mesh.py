@@ -14,7 +14,7 @@ from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification
-from romdam.pipelines.error.sibling import run_of, sibling_job
+from romdam.pipelines.error.sibling import run_with_stress, sibling_job, with_stress
 from romdam.pipelines.error.verify import as_run
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
@@ -109,10 +109,10 @@ def run_on_mesh(
     stage : what the clock calls model and run together
     """
     with clock.stage(stage, f"{stage} on {job.path.name}") as progress:
-        model = build_model(job, Clock(silent))
+        model = with_stress(build_model(job, Clock(silent)))
         log_scene_warnings(model.scene, job)
         history = simulate_motion(job, model.prepared, motion, seconds, progress)
-    return run_of(model, history), model.scene
+    return run_with_stress(model, history), model.scene
 
 
 def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun, *, finer: bool) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
@@ -12,26 +12,38 @@ from romdam.core.system import History
 from romdam.error.discretisation import MeshRun, discretisation, mesh_run
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.simulation import Model, simulate_motion
+from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.node_spectra import node_spectra
+from romdam.postprocess.stress.summary import StressSummary
 from romdam.timestepping.integrators.protocol import Progress
 
 
 @dataclass(frozen=True)
 class Sibling:
-    """A job on a mesh of half the size of the elements (`finer`), or twice, and its model."""
+    """A job on a mesh of half the size of the elements (`finer`), or twice, and its model with stress."""
 
     job: Job
     model: Model
     finer: bool
 
     def state(
-        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+        self,
+        model: Model,
+        history: History,
+        stress: StressSummary | None,
+        motion: GroundMotion,
+        progress: Progress,
     ) -> ErrorStatement:
-        """State what the mesh changes in a run, by one on this mesh, or why that is unknown."""
+        """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
+
+        Parameters
+        ----------
+        history, stress : of the run, as `stress_of` returns them
+        """
         seconds = float(history.time[-1])
         try:
             other = simulate_motion(self.job, self.model.prepared, motion, seconds, progress)
-            pair = run_of(model, history), run_of(self.model, other)
+            pair = run_of(model, history, stress), run_with_stress(self.model, other)
             about = {"record": motion.name, "seconds": seconds}
             return discretisation(*pair, finer=self.finer, about=about)
         except recoverable() as error:
@@ -44,7 +56,17 @@ def sibling_job(job: Job, *, finer: bool) -> Job:
     return on_finer_mesh(job) if finer else on_coarser_mesh(job)
 
 
-def run_of(model: Model, history: History) -> MeshRun:
-    """A run, as runs on other meshes are compared with it."""
+def with_stress(model: Model) -> Model:
+    """The model with the stress of its modes, where the job asks for stress."""
+    return replace(model, stress=stress_fields(model.scene, model.reduced))
+
+
+def run_of(model: Model, history: History, stress: StressSummary | None) -> MeshRun:
+    """A run, as runs on other meshes are compared with it; `history` and `stress` as of `stress_of`."""
     spectra = node_spectra(history.acc, history.ground, history.time)
-    return mesh_run(model.scene, history, model.system.law.joints, spectra)
+    return mesh_run(model.scene, history, model.system.law.joints, spectra, stress)
+
+
+def run_with_stress(model: Model, history: History) -> MeshRun:
+    """The same of a history as integrated, on a model `with_stress`."""
+    return run_of(model, *stress_of(model.scene, model.stress, history))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from romdam.config.other_mesh import with_compared_stress
 from romdam.core.errors import describe_error, recoverable
 from romdam.error.statement import ErrorStatement
+from romdam.pipelines.error.sibling import with_stress
 from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
 from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.plan import Plan
 from romdam.pipelines.suites.tasks import scaled
 from romdam.reduction.storage.model_file import BlockStore
@@ -33,7 +36,7 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
     strongest = max(plan.runs, key=lambda run: run.factor * plan.motions[run.record].peak)
     of_record = [run for run in plan.runs if run.record == strongest.record]
     weakest = min(of_record, key=lambda run: run.factor)
-    model = build_model(plan.job, clock, store)
+    model = with_stress(build_model(with_compared_stress(plan.job), clock, store))
     statements = {}
     try:
         for run in (weakest, strongest):
@@ -43,7 +46,8 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
             duration = plan.job.config.transient.duration
             with clock.stage("mesh", f"stating the error of the mesh, {motion.name}") as progress:
                 history = simulate_motion(plan.job, model.prepared, motion, duration, progress)
-                statements[run.factor] = sibling.state(model, history, motion, progress)
+                history, stress = stress_of(model.scene, model.stress, history)
+                statements[run.factor] = sibling.state(model, history, stress, motion, progress)
     except recoverable() as error:
         why = f"What the mesh changes is unknown: {describe_error(error)}"
         return ErrorStatement("discretisation", why, {})

@@ -91,6 +91,16 @@ def with_mesh_of(job: Job, other: Job) -> Job:
     return replace(job, config=job.config.model_copy(update=mesh))
 
 
+def with_compared_stress(job: Job) -> Job:
+    """The job with stress on faces and sections only, by which meshes are compared, or without any."""
+    stress = job.config.outputs.stress
+    if stress is not None:
+        only: dict[str, object] = {"blocks": (), "nodes": {}, "strength": None}
+        stress = stress.model_copy(update=only) if stress.faces or stress.sections else None
+    outputs = job.config.outputs.model_copy(update={"stress": stress})
+    return replace(job, config=job.config.model_copy(update={"outputs": outputs}))
+
+
 def _refuse_bound_to_mesh(job: Job) -> None:
     """Refuse what belongs to the nodes or to the number of gaps of one mesh."""
     for name, block in job.config.blocks.items():
@@ -139,8 +149,9 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
 
 
 def _of_another_mesh(job: Job, changed: dict[str, object]) -> Job:
-    """The job with some sections changed, and without stress, which is not compared."""
-    outputs = job.config.outputs.model_copy(update={"stress": None, "mesh_error": None})
+    """The job with some sections changed, and with no other stress than what meshes are compared by."""
+    job = with_compared_stress(job)
+    outputs = job.config.outputs.model_copy(update={"mesh_error": None})
     return replace(job, config=job.config.model_copy(update=changed | {"outputs": outputs}))
 
 

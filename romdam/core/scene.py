@@ -279,12 +279,14 @@ class StressNodes:
     up : (k, 3) cantilever direction: up along the face on stress faces, else vertical
     arch : (k, 3) horizontal tangent; NaN where neither a face nor a joint gives it
     ring : (k,) True where stress is that of the mesh, which headlines leave out; None for nowhere
+    contact : (k,) True where that is for contacts nearby; None for nowhere
     """
 
     nodes: Ints
     up: Floats
     arch: Floats
     ring: Bools | None = None
+    contact: Bools | None = None
 
     @property
     def counted(self) -> Bools:
@@ -339,6 +341,8 @@ class StressSites:
     probes : named nodes with histories: name -> block and row in its StressNodes
     strength : tensile strength [Pa], or None
     sections : planes with resultants
+    ring_ends : (s, 2, 3) ends of the edges that the ring surrounds [m]
+    ring_radius : (s,) of the ring around each [m]
     """
 
     blocks: dict[str, StressNodes]
@@ -346,6 +350,8 @@ class StressSites:
     probes: dict[str, tuple[str, int]]
     strength: float | None
     sections: tuple[Section, ...] = ()
+    ring_ends: Floats = field(default_factory=lambda: np.zeros((0, 2, 3)))
+    ring_radius: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def ring_shares(self) -> Floats:

@@ -24,8 +24,10 @@ from romdam.core.errors import ResultError, listed
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.error.comparison import coinciding
-from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, opening_error
+from romdam.error.mesh_stress import MeshStress, face_errors, mesh_stress, section_errors
+from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, opening_error, scaled
 from romdam.error.statement import ErrorStatement, percent
+from romdam.postprocess.stress.summary import StressSummary
 
 OVER_FINER, OVER_COARSER = 1.5, 0.5  # error over the difference to the sibling
 _LOST = 0.3  # relative error of a history in L2 from which it counts as not resolved
@@ -45,6 +47,7 @@ class MeshRun:
     nodes : names of the output nodes, in the order of `history.disp`
     spectra : (3 nodes, periods) pseudo-acceleration of their absolute acceleration, 5 % damping [m/s2]
     unknowns : of the mesh
+    stress : on faces and sections; None where the job asks for none
     """
 
     history: History
@@ -54,9 +57,16 @@ class MeshRun:
     nodes: tuple[str, ...]
     spectra: Floats
     unknowns: int
+    stress: MeshStress | None = None
 
 
-def mesh_run(scene: Scene, history: History, joints: Mapping[str, slice], spectra: Floats) -> MeshRun:
+def mesh_run(
+    scene: Scene,
+    history: History,
+    joints: Mapping[str, slice],
+    spectra: Floats,
+    stress: StressSummary | None = None,
+) -> MeshRun:
     """Put together what is compared of a run; `joints` and `spectra` as in `MeshRun`."""
     return MeshRun(
         history=history,
@@ -66,6 +76,7 @@ def mesh_run(scene: Scene, history: History, joints: Mapping[str, slice], spectr
         nodes=tuple(probe.name for probe in scene.probes),
         spectra=spectra,
         unknowns=3 * sum(len(block.points) for block in scene.blocks.values()),
+        stress=mesh_stress(scene, stress),
     )
 
 
@@ -74,7 +85,8 @@ def discretisation(
 ) -> ErrorStatement:
     """State what the mesh and its contact points change in a run, for every joint and output node.
 
-    Openings and slips are compared at gaps that both meshes have, forces as resultants of joints.
+    Openings and slips are compared at gaps that both meshes have, forces as resultants of joints, stress by
+    percentiles of faces outside the ring of `run`.
 
     Parameters
     ----------
@@ -116,11 +128,18 @@ def discretisation(
         ]
         errors[quantity] = magnitude_error(*pairs)
         for k, node in enumerate(run.nodes):
-            error = _scaled(magnitude_error(pairs[0][:, k], pairs[1][:, k]), factor)
+            error = scaled(magnitude_error(pairs[0][:, k], pairs[1][:, k]), factor)
             nodes.setdefault(node, {})[quantity] = error.plain
     if run.nodes:
         errors["response_spectrum"] = magnitude_error(judged.spectra, better.spectra)
-    errors = {name: _scaled(error, factor) for name, error in errors.items()}
+    errors = {name: scaled(error, factor) for name, error in errors.items()}
+    of_stress: dict[str, object] = {}
+    if judged.stress is not None and better.stress is not None:
+        ring = judged.stress if finer else better.stress
+        of_all_faces, faces = face_errors(judged.stress, better.stress, ring, factor)
+        of_all_sections, sections = section_errors(judged.stress, better.stress, factor)
+        errors |= of_all_faces | of_all_sections
+        of_stress = {"faces": faces, "sections": sections}
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]
     if "acceleration" in lost and "response_spectrum" not in lost:
         lost.append("response_spectrum")
@@ -134,6 +153,7 @@ def discretisation(
         "error_over_difference": factor,
         "not_resolved": lost,
         "nodes": nodes,
+        **of_stress,
     }
     return ErrorStatement("discretisation", _sentence(errors, details, about), errors, details | dict(about))
 
@@ -144,14 +164,17 @@ def _sentence(
     opening, lost = errors["opening"], _words(details["not_resolved"])
     resolved = [
         f", {_plural(name)} by {percent(errors[name].l2)}"
-        for name in ("slip", "joint_force", "displacement", "acceleration")
+        for name in ("slip", "joint_force", "displacement", "acceleration", "section_force", "section_moment")
         if name in errors and _plural(name) not in lost
     ]
+    stress = ""
+    if "principal_stress" in errors and _plural("principal_stress") not in lost:
+        stress = f", the 98 % stress of faces by {percent(errors['principal_stress'].peak)}"
     histories = f"; neither mesh resolves {listed(lost)}" if lost else ""
     size = "half" if details["sibling"] == "finer" else "twice"
     return (
         f"The mesh and its contact points change the openings by about {percent(opening.l2)} in L2 and the "
-        f"largest one by {percent(opening.peak)}{''.join(resolved)}{histories}: "
+        f"largest one by {percent(opening.peak)}{''.join(resolved)}{stress}{histories}: "
         f"{details['error_over_difference']} of the difference to elements of {size} the size "
         f"({details['unknowns_sibling']} unknowns for {details['unknowns']}), {about['seconds']:g} s of "
         f"{about['record']}."
@@ -163,7 +186,9 @@ def _words(names: object) -> list[str]:
 
 
 def _plural(name: str) -> str:
-    return "response spectra" if name == "response_spectrum" else f"{name.replace('_', ' ')}s"
+    if name == "response_spectrum":
+        return "response spectra"
+    return f"{name.replace('_', ' ')}{'es' if name.endswith('s') else 's'}"
 
 
 def _slices(joints: Mapping[str, slice], rows: Ints) -> dict[str, slice]:
@@ -217,8 +242,3 @@ def _normal_force(run: MeshRun, gaps: slice) -> Floats:
 
 def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], Floats]) -> dict[str, Floats]:
     return {name: quantity(run, gaps) for name, gaps in run.joints.items()}
-
-
-def _scaled(error: RelativeError, factor: float) -> RelativeError:
-    joints = {name: _scaled(joint_error, factor) for name, joint_error in error.joints.items()}
-    return RelativeError(factor * error.l2, factor * error.peak, joints)

@@ -114,6 +114,12 @@ def magnitude_error(values: Floats, better: Floats, scale: Floats | None = None)
     return RelativeError(relative_l2(values, better, mean), _over(largest - peak, max(peak, least)))
 
 
+def scaled(error: RelativeError, factor: float) -> RelativeError:
+    """A multiple of an error, that of each joint too."""
+    joints = {name: scaled(joint_error, factor) for name, joint_error in error.joints.items()}
+    return RelativeError(factor * error.l2, factor * error.peak, joints)
+
+
 def energy_error(difference: Floats, better: Floats) -> RelativeError:
     """Error in the norm of an energy.
 

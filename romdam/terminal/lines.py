@@ -198,11 +198,14 @@ def mesh_lines(statement: Mapping[str, object]) -> list[str]:
     """The error of the mesh, quantity by quantity."""
     lines, errors, lost = [str(statement["statement"])], statement["error"], statement["not_resolved"]
     assert isinstance(errors, dict) and isinstance(lost, list)
-    lines.append(f"{'':<19}{'L2':>9}{'peak':>9}   worst joint")
+    faces = statement.get("faces", {})
+    assert isinstance(faces, dict)
+    lines.append(f"{'':<19}{'L2':>9}{'peak':>9}   worst joint or face")
     for name, error in errors.items():
-        joints = error.get("joints", {})
-        worst = max(joints, key=lambda joint: float(joints[joint]["l2"])) if len(joints) > 1 else ""
-        remark = f"   {worst}, {100 * joints[worst]['l2']:.2g} %" if worst else ""
+        of_faces = {face: quantities[name] for face, quantities in faces.items() if name in quantities}
+        places = error.get("joints", {}) or of_faces
+        worst = max(places, key=lambda place: float(places[place]["l2"])) if len(places) > 1 else ""
+        remark = f"   {worst}, {100 * places[worst]['l2']:.2g} %" if worst else ""
         numbers = "".join(f"{100 * error[measure]:>7.2g} %" for measure in ("l2", "peak"))
         remark = "   not resolved by either mesh" if name in lost else remark
         lines.append(f"{name.replace('_', ' '):<19}{numbers}{remark}")

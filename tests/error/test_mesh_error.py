@@ -158,7 +158,8 @@ def test_a_suite_states_it_once_at_its_largest_and_smallest_scale(tmp_path):
     np.savetxt(tmp_path / "weak.txt", 2.0 * pulse)
     (entry,) = raw["records"]
     weak = {key: value for key, value in entry.items() if key != "name"} | {"file": "weak.txt"}
-    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": "finer"}
+    stress = {"faces": [{"block": "left", "face": "ymin"}]}
+    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": "finer", "stress": stress}
     stated = {}
     for scale in (1.0, 1.5):
         (tmp_path / "run.yaml").write_text(yaml.safe_dump(raw | {"records": [entry | {"scale": scale}]}))
@@ -176,8 +177,9 @@ def test_a_suite_states_it_once_at_its_largest_and_smallest_scale(tmp_path):
     assert document["error"]["opening"]["l2"] == pytest.approx(stated[1.5]["opening"]["l2"], rel=1e-9)
     assert [entry["scale_factor"] for entry in document["scales"]] == [1.0, 1.5]
     for entry in document["scales"]:
-        wanted = stated[entry["scale_factor"]]["opening"]["l2"]
-        assert entry["opening"]["l2"] == pytest.approx(wanted, rel=1e-9)
+        for quantity in ("opening", "principal_stress"):
+            wanted = stated[entry["scale_factor"]][quantity]["l2"]
+            assert entry[quantity]["l2"] == pytest.approx(wanted, rel=1e-9) != 0.0
 
 
 def test_matrices_of_other_programs_have_no_finer_mesh(tmp_path):

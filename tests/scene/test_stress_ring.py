@@ -128,7 +128,7 @@ def test_apex_of_a_free_triangle_above_the_foot_is_no_contact():
 @pytest.mark.parametrize(("edges", "warned"), [(1.0, False), (2.0, True)])
 def test_a_face_that_is_mostly_ring_is_told(caplog, edges, warned):
     """3 m high: the lowest row of nodes has a sixth of the area, each of the next two a third."""
-    stress = {"faces": [{"block": "a", "face": "xmin"}], "ring": {"edges": edges}}
+    stress = {"faces": [{"block": "a", "face": "xmin"}], "ring": {"edges": edges}, "strength": "3 MPa"}
     scene = scene_of({"a": ("c", [0, 0, 0], [2, 2, 3], MESH)}, None, stress)
     assert scene.stress.ring_shares == pytest.approx([{1.0: 1 / 2, 2.0: 5 / 6}[edges]])
     assert ("50 % of the area of a.xmin (83.3 %)" in caplog.text) == warned

@@ -62,7 +62,9 @@ class StressHistory:
         q = self.coordinates[block][times]
         if block in self.fields:
             stress_modes = self.fields[block][rows]
-            stress = (stress_modes.reshape(-1, stress_modes.shape[2]) @ q.T).reshape(-1, 6, len(q))
+            stress = (stress_modes.reshape(6 * len(stress_modes), stress_modes.shape[2]) @ q.T).reshape(
+                -1, 6, len(q)
+            )
         else:
             stress = np.array(q.reshape(len(q), -1, 6)[:, rows].transpose(1, 2, 0), order="C")
         if block in self.offset:
@@ -215,7 +217,7 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     chunks = [
         (name, slice(first, min(first + step, len(nodes.nodes))))
         for name, nodes in sites.blocks.items()
-        for first in range(0, len(nodes.nodes), step)
+        for first in range(0, max(len(nodes.nodes), 1), step)  # a block may have sections alone
     ]
     summaries = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in chunks))
     joined = {key: np.concatenate([summary[key] for summary in summaries]) for key in summaries[0]}
@@ -225,7 +227,7 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     for m in MEASURES:
         largest = np.nan_to_num(np.asarray(joined[f"largest {m}"], dtype=float), nan=-np.inf)
         outside = np.where(counted, largest, -np.inf) if counted.any() else largest
-        worst[m] = int(joined[f"step {m}"][int(outside.argmax())])
+        worst[m] = int(joined[f"step {m}"][int(outside.argmax())]) if len(outside) else 0
     fields = {m: _at_step(sites, history, step) for m, step in worst.items()}
     probes = [history.at(block, slice(row, row + 1)) for block, row in sites.probes.values()]
     probe_axes = [

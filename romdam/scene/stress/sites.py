@@ -82,9 +82,9 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
     radius = depth if config.ring.edges is None else np.full(len(depth), config.ring.edges)
     for name, nodes in sites.items():
         held = np.asarray(structure.fixed[name].any(axis=1))
-        ring = near_edges(blocks[name].points[nodes.nodes], ends, radius)
-        ring |= near_contacts(blocks[name], nodes.nodes, joints.values(), held, config.ring.contacts)
-        sites[name] = replace(nodes, ring=ring)
+        contact = near_contacts(blocks[name], nodes.nodes, joints.values(), held, config.ring.contacts)
+        ring = near_edges(blocks[name].points[nodes.nodes], ends, radius) | contact
+        sites[name] = replace(nodes, ring=ring, contact=contact)
 
     stress_faces = []
     for owner, name, facets in faces:
@@ -96,10 +96,12 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
         probes={name: (b, int(np.searchsorted(sites[b].nodes, n))) for name, (b, n) in probes.items()},
         strength=config.strength,
         sections=sections,
+        ring_ends=ends,
+        ring_radius=radius,
     )
     shares = zip(stress.faces, stress.ring_shares, strict=True)
     mostly = [f"{face.name} ({100 * share:.3g} %)" for face, share in shares if share > MOST_RING]
-    if mostly:
+    if mostly and config.strength is not None:
         _log.warning(
             "%s.ring: it leaves out more than %g %% of the area of %s, so that no acceptance is stated "
             "there; refine the mesh, or give ring.edges a smaller length",
