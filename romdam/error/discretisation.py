@@ -170,6 +170,10 @@ def _sentence(
     stress = ""
     if "principal_stress" in errors and _plural("principal_stress") not in lost:
         stress = f", the 98 % stress of faces by {percent(errors['principal_stress'].peak)}"
+    faces = details.get("faces", {})
+    covered = [name for name, of_face in faces.items() if not of_face] if isinstance(faces, Mapping) else []
+    if covered:
+        stress += f", stress of {listed(covered)} unknown: no node of one mesh is outside the ring"
     histories = f"; neither mesh resolves {listed(lost)}" if lost else ""
     size = "half" if details["sibling"] == "finer" else "twice"
     return (

@@ -202,7 +202,7 @@ def test_stiffnesses_of_single_gaps_have_no_other_mesh(tmp_path):
 
 
 def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
-    """Two cantilevers of hex8, 5 m, against hex20 of 2.5 m: openings, displacements, joint by joint."""
+    """Two cantilevers of hex8, 5 m, against hex20 of 2.5 m: openings, motion, stress of faces, sections."""
     from mesh_truth import RECORDS, limit_of, make_job
 
     from romdam.config.other_mesh import on_finer_mesh
@@ -217,7 +217,15 @@ def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
         run_on_mesh(one, motion, 4.0, Clock(silent), "run")[0]
         for one in (job, on_finer_mesh(job), limit_of(job))
     )
-    stated, true = (discretisation(own, one, finer=True, about=ABOUT).errors for one in (finer, limit))
+    statements = [discretisation(own, one, finer=True, about=ABOUT) for one in (finer, limit)]
+    for face in statements[1].details["faces"]:
+        for measure in ("principal_stress", "vertical_stress"):
+            stated, true = (one.details["faces"][face][measure] for one in statements)
+            truth = true["percentiles"]["98"] / 1.5
+            assert truth > 0.02
+            assert 0.5 * truth <= stated["peak"] <= 2.0 * truth
+    stated, true = (one.errors for one in statements)
+    assert 0.5 <= 1.5 * stated["section_moment"].l2 / true["section_moment"].l2 <= 2.0
     for name in ("opening", "displacement"):
         for measure in ("l2", "peak"):
             truth = getattr(true[name], measure) / 1.5

@@ -103,6 +103,7 @@ def test_a_face_that_the_ring_covers_has_no_number():
     own.stress.faces["b"] = covered
     stated = discretisation(own, finer, finer=True, about=ABOUT)
     assert stated.details["faces"]["b"] == {}
+    assert ", stress of b unknown: no node of one mesh is outside the ring; neither" in stated.sentence
     assert "principal_stress" in stated.details["not_resolved"]
     assert "neither mesh resolves principal stresses, vertical stresses: " in stated.sentence
 

@@ -159,6 +159,8 @@ def measure(case: str, record: str, seconds: float) -> Iterator[str]:
         exact = [value / OVER_FINER for value in pair]
         ratios = [
             ", ".join(f"{sibling[name][k] / max(exact[k], 1e-12):.2f}" for k in range(2))
+            if name in sibling  # else the ring covers the face there
+            else ""
             for sibling in stated
         ]
         numbers = ", ".join(f"{100 * value:.2g}" for value in exact)
