@@ -42,11 +42,13 @@ class MeshChoice:
 
     Attributes
     ----------
-    job : on that mesh
+    name : of that mesh
+    job : on it
     total : relative error that mesh, modes and steps together may leave
     statement : of the mesh's error on the record that it was chosen on, and the table of all that was tried
     """
 
+    name: str
     job: Job
     total: float
     statement: ErrorStatement
@@ -162,6 +164,7 @@ class _Tried:
         )
         details = dict(statement.details) | {"asked": self.total, "meshes": table}
         return MeshChoice(
+            name,
             with_mesh_of(self.job, self.jobs[name]),
             self.total,
             replace(statement, sentence=sentence, details=details),

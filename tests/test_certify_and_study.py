@@ -184,7 +184,7 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
     assert code == 0, err
     assert list(flaws(tmp_path / "study.nc")) == []
     with xr.open_dataset(tmp_path / "study.nc", engine="h5netcdf") as dataset:
-        assert dataset.sizes["case"] == 16
+        assert dataset.sizes["case"] == 17 and dataset.of_job.values.tolist() == [0] * 16 + [1]
         assert dataset.attrs["machine"] and "all " in dataset.attrs["compared"]
         error = dataset.l2_error.values
         assert np.isfinite(error).all() and dataset.on_front.values.any()
@@ -192,8 +192,8 @@ def test_study_writes_its_dataset_table_and_picture(folder, tmp_path):
         assert error[best.values].max() < 0.6 * error.max()  # static vectors leave less to further modes
         for name in dataset.variables:
             assert name == "case" or dataset[name].attrs["long_name"]
-    assert out.count("| adaptive |") == 8
-    assert (tmp_path / "study.md").read_text().count("\n| ") == 18
+    assert out.count("| adaptive |") == 9  # and the job's own setting
+    assert (tmp_path / "study.md").read_text().count("\n| ") == 2 + 17 + 2 + 5
     assert (tmp_path / "study.png").stat().st_size > 10_000
 
 

@@ -1,34 +1,41 @@
-"""The cost and the error of each setting of modes, residual vectors, integrator and step."""
+"""The cost and the error of each setting of mesh, gaps, modes, residual vectors, integrator and step."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import xarray as xr
 
 from romdam.config.coupling import coupling
 from romdam.config.load import Job, Source, load_config
-from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.config.study_meshes import MeshVariant, reference_meshes, studied_meshes
+from romdam.core.errors import ConfigError, ConvergenceError, MeshError, ReductionError, placed
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.system import History
-from romdam.core.threads import one_thread
+from romdam.core.system import History, System
+from romdam.core.threads import cpu_time, one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import Openings, compare_openings, read_reference
+from romdam.error.discretisation import OVER_COARSER
+from romdam.error.statement import percent
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
+from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
-from romdam.pipelines.run import Clock, Stage, silent
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
+from romdam.pipelines.run import Clock, Stage, choose_mesh_and_modes, silent
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
-from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
+from romdam.reduction.mode_choice import ALL_MODES, ModeChoice, mode_choice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
+from romdam.timestepping.integrators.protocol import Progress
 from romdam.timestepping.integrators.registry import FULL_ORDER
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
@@ -37,6 +44,10 @@ from romdam.timestepping.simulate import simulate_one
 MOST_DENSE = 12_000  # free DOFs up to which all modes of the mesh are the reference
 FINER = 16  # the reference's step is this part of the finest one studied
 PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unless the configuration says
+LIMIT_MODES = 200  # of a block in the reference on a finer mesh, at least
+LIMIT_VECTORS = 20  # residual vectors of it, at least
+LIMIT_ACCURACY = 0.002  # of its steps, unless the configuration names its step
+MORE_MODES = 2  # times the most modes, or the highest cut-off, studied: what it has at least
 
 
 @dataclass(frozen=True)
@@ -49,11 +60,30 @@ class Study:
 
 
 @dataclass(frozen=True)
+class _Mesh:
+    """A mesh with its contact points, its scene, and the CPU time of building that [s]."""
+
+    variant: MeshVariant
+    scene: Scene
+    cpu_seconds: float
+
+    @property
+    def job(self) -> Job:
+        """The job on it."""
+        return self.variant.job
+
+    @property
+    def unknowns(self) -> int:
+        """Three for each node."""
+        return sum(block.points.size for block in self.scene.blocks.values())
+
+
+@dataclass(frozen=True)
 class _Setup:
     """Shared by all cases; `steps` are those studied, `every` the interval of the compared rows [s]."""
 
     job: Job
-    scene: Scene
+    meshes: tuple[_Mesh, ...]
     motion: GroundMotion
     steps: tuple[float, ...]
     every: float
@@ -68,10 +98,25 @@ class _Setup:
         """Seconds that are compared."""
         return min(self.job.config.study.duration, self.duration)
 
+    @property
+    def on_finer_mesh(self) -> bool:
+        """Whether the reference is on a finer mesh: where meshes are studied or chosen for an accuracy."""
+        study, total = self.job.config.study, self.job.config.transient.total_accuracy
+        return study.varies_mesh or (total is not None and study.reference == "auto")
+
+
+@dataclass(frozen=True)
+class _Reference:
+    """What is compared with: its openings, what it is, and what is known of its own error, as attributes."""
+
+    openings: Openings
+    name: str
+    about: dict[str, object]
+
 
 @one_thread()
 def study(job: Source, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
-    """Run every setting of `study:` on the first record, and set cost against error.
+    """Run every setting of `study:` and the job's own on the first record, and set cost against error.
 
     Parameters
     ----------
@@ -93,18 +138,19 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     refuse_lengths(job, [motion])
     refuse_drifting(job, [motion])
     log_warnings(job, [motion])
-    scene = scene_of(job)
-    job = log_scene_warnings(scene, job)
+    meshes = tuple(_scene(variant, clock) for variant in studied_meshes(job))
+    job = log_scene_warnings(meshes[0].scene, job)
     steps = job.config.study.finest_steps or tuple(motion.dt / division for division in PARTS)
-    setup = _Setup(job, scene, motion, steps, job.config.outputs.output_interval or motion.dt)
-    if stored is None:
-        stored, name = _reference(setup, clock)
+    setup = _Setup(job, meshes, motion, steps, job.config.outputs.output_interval or motion.dt)
+    if stored is not None:
+        compared = _Reference(stored, str(reference), {})
     else:
-        name = str(reference)
-    cases = [_measure(setup, case, stored, name, clock) for case in _cases(setup, clock)]
-    about = {
+        compared = (_finer_reference if setup.on_finer_mesh else _reference)(setup, clock)
+    cases = [_measure(setup, case, compared, clock) for case in _cases(setup, clock)]
+    cases.append(_own_case(setup, compared, clock))
+    about = compared.about | {
         "record": motion.name,
-        "compared": f"{motion.name}, {setup.compared:g} s of all openings against {name}",
+        "compared": f"{motion.name}, {setup.compared:g} s of all openings against {compared.name}",
         "timed_seconds": setup.duration,
         "repeats": job.config.study.repeats,
     }
@@ -129,20 +175,24 @@ def refuse_study(job: Job) -> None:
         )
     if not job.config.every_joint:
         raise ConfigError(f"{job.path}: joints: there is none, and openings are what is compared; name one")
+    studied_meshes(job)
 
 
-def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
+def _scene(variant: MeshVariant, clock: Clock) -> _Mesh:
+    start = cpu_time()
+    with clock.stage("scene", f"building the scene, mesh {variant.mesh}"):
+        return _Mesh(variant, scene_of(variant.job), cpu_time() - start)
+
+
+def _reference(setup: _Setup, clock: Clock) -> _Reference:
     """The run that all are compared with: all modes of the mesh at a small step, or full order."""
     wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_step
-    unknowns = sum(int((~fixed).sum()) for fixed in setup.scene.fixed.values())
+    scene = setup.meshes[0].scene
+    unknowns = sum(int((~fixed).sum()) for fixed in scene.fixed.values())
     dense = wanted == "all_modes" or (wanted == "auto" and unknowns <= MOST_DENSE)
     with clock.stage("reference_model", "building the reference"):
         damping = setup.job.config.damping
-        system = (
-            reduce_scene(setup.scene, ALL_MODES, damping).system
-            if dense
-            else assemble_full(setup.scene, damping)
-        )
+        system = reduce_scene(scene, ALL_MODES, damping).system if dense else assemble_full(scene, damping)
     prepared = prepare(setup.job, system, None if dense else FULL_ORDER)
     settings = _settings(setup, prepared, dt or min(setup.steps) / FINER)
     ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
@@ -150,31 +200,96 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[Openings, str]:
         history = simulate_one(prepared, ground, settings, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
     name = f"{name} at dt {settings.steps.finest:g} s"
-    return Openings(history.time, history.jump[..., 0], setup.scene.gap_position), name
+    return _Reference(_openings(history, scene, setup.compared), name, {})
+
+
+def _finer_reference(setup: _Setup, clock: Clock) -> _Reference:
+    """A run on quadratic elements of half the size; its coarser sibling says what it leaves itself."""
+    wanted, runs = setup.job.config.study, list[tuple[Openings, History]]()
+    vectors = max(LIMIT_VECTORS, *wanted.residual_vectors)
+    if wanted.counts:
+        choice = ModeChoice(
+            count=max(LIMIT_MODES, MORE_MODES * max(wanted.counts)), residual_vectors=vectors, capped=True
+        )
+        modes = f"{choice.count} modes"
+    else:
+        choice = ModeChoice(cutoff=MORE_MODES * max(wanted.cutoffs or ()), residual_vectors=vectors)
+        modes = f"modes below {choice.cutoff:g} Hz"
+    for job, text in zip(reference_meshes(setup.job), ("the reference", "its error"), strict=True):
+        with clock.stage("reference_model", f"reducing the mesh of {text}"), placed(job.path):
+            scene = scene_of(job)
+            system = reduce_scene(scene, choice, job.config.damping).system
+        with clock.stage("reference", text) as progress:
+            prepared = prepare(job, system, None)
+            if wanted.reference_step is None:
+                accurate = with_accuracy(job, LIMIT_ACCURACY)
+                transient = accurate.config.transient.model_copy(update={"finest_step": None})
+                accurate = replace(
+                    accurate, config=accurate.config.model_copy(update={"transient": transient})
+                )
+                history = simulate_motion(accurate, prepared, setup.motion, setup.compared, progress)
+            else:
+                settings = _settings(setup, prepared, wanted.reference_step)
+                ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
+                history = simulate_one(prepared, ground, settings, progress)
+        runs.append((_openings(history, scene, setup.compared), history))
+    (fine, history), (coarse, _) = runs
+    names = "the coarser mesh of the reference", "the reference"
+    left = OVER_COARSER * compare_openings(coarse, fine, names, same_mesh=False).error.l2
+    about: dict[str, object] = {"reference_mesh_error": left}
+    stated = f"its mesh leaves about {percent(left)}"
+    if (of_steps := history.stats.get("estimated_time_error")) is not None:
+        about["reference_time_error"] = of_steps
+        stated += f", its steps {percent(of_steps)}"
+    gaps, step = len(fine.position), history.stats["finest_step"]
+    name = (
+        f"a mesh of half the size (quadratic elements unless of a file, {gaps} gaps, {modes} and {vectors} "
+        f"residual vectors a block, finest step {step:.3g} s) at the gaps that both have; {stated}"
+    )
+    return _Reference(fine, name, about)
+
+
+def _openings(history: History, scene: Scene, seconds: float) -> Openings:
+    """Openings of a run as far as they are compared."""
+    rows = history.time <= seconds * (1.0 + 1e-9)
+    return Openings(history.time[rows], history.jump[rows, :, 0], scene.gap_position)
 
 
 @dataclass(frozen=True)
 class _Case:
-    """A setting, the reduced system it is about, ready for its integrator, and how that is integrated."""
+    """A setting, the mesh and the scene it is about, and what runs it."""
 
     setting: Setting
-    prepared: Prepared
-    settings: Settings
+    scene: Scene
+    run: Callable[[Progress], History]
 
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
-    for count, residual_vectors in itertools.product(wanted.modes, wanted.residual_vectors):
-        choice = ModeChoice(count=count, residual_vectors=residual_vectors, capped=True)
-        with clock.stage("model", f"reducing to {count} modes a block, {residual_vectors} residual vectors"):
-            system = reduce_scene(setup.scene, choice, setup.job.config.damping).system
+    bases: list[tuple[str, ModeChoice]] = [
+        (f"{count} modes", ModeChoice(count=count, residual_vectors=vectors, capped=True))
+        for count, vectors in itertools.product(wanted.counts, wanted.residual_vectors)
+    ]
+    bases += [
+        (f"below {cutoff:g} Hz", ModeChoice(cutoff=cutoff, residual_vectors=vectors))
+        for cutoff, vectors in itertools.product(wanted.cutoffs or (), wanted.residual_vectors)
+    ]
+    for mesh, (modes, choice) in itertools.product(setup.meshes, bases):
+        start, vectors = cpu_time(), choice.residual_vectors
+        text = f"mesh {mesh.variant.mesh}: reducing to {modes} a block, {vectors} residual vectors"
+        with clock.stage("model", text), placed(setup.job.path):
+            system = reduce_scene(mesh.scene, choice, setup.job.config.damping).system
+        model_cpu = mesh.cpu_seconds + cpu_time() - start
         for integrator in wanted.integrators:
-            prepared = prepare(setup.job, system, integrator)
+            prepared = prepare(mesh.job, system, integrator)
             for step in setup.steps:
                 settings = _settings(setup, prepared, step)
-                finest = settings.steps.finest
-                setting = Setting(integrator, finest, f"{count} modes", residual_vectors, system.size)
-                yield _Case(setting, prepared, settings)
+                setting = _setting(mesh, system, prepared, modes, vectors, model_cpu)
+                yield _Case(
+                    replace(setting, finest_step=settings.steps.finest),
+                    mesh.scene,
+                    partial(_simulate, setup, prepared, settings),
+                )
 
 
 def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
@@ -183,24 +298,69 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 
-def _measure(
-    setup: _Setup, case: _Case, reference: Openings, reference_name: str, clock: Clock
-) -> CaseResult:
+def _own_case(setup: _Setup, reference: _Reference, clock: Clock) -> CaseResult:
+    """What the job's own setting gives, or the one that its accuracy comes to: mesh, modes and steps."""
+    own = Setting("", math.nan, "", 0, 0, of_job=True)
+    try:
+        job, choice = choose_mesh_and_modes(setup.job, [setup.motion], clock)
+        variant = MeshVariant("as given" if choice is None else choice.name, "as given", job)
+        given = (mesh for mesh in setup.meshes if replace(mesh.variant, job=job) == variant)
+        mesh = next(given, None) or _scene(variant, clock)
+        start, modes = cpu_time(), mode_choice(job.config.model)
+        with clock.stage("model", "reducing the job's own model"), placed(job.path):
+            system = reduce_scene(mesh.scene, modes, job.config.damping).system
+        model_cpu, prepared = mesh.cpu_seconds + cpu_time() - start, prepare(job, system)
+        basis = "all modes" if modes.keeps_all else f"{modes.count} modes"
+        if modes.cutoff is not None:
+            basis = f"below {modes.cutoff:g} Hz"
+        own = _setting(mesh, system, prepared, basis, modes.residual_vectors, model_cpu)
+        finest = settings_for(job, prepared, setup.motion).steps.finest
+        own = replace(own, finest_step=finest, of_job=True)
+        run = partial(simulate_motion, job, prepared, setup.motion, setup.duration)
+    except (ConfigError, MeshError, ReductionError, ConvergenceError) as error:
+        return failed_case(own, str(error))
+    return _measure(setup, _Case(own, mesh.scene, run), reference, clock)
+
+
+def _setting(
+    mesh: _Mesh, system: System, prepared: Prepared, modes: str, vectors: int, model_cpu: float
+) -> Setting:
+    """A setting but for its step."""
+    return Setting(
+        integrator=prepared.integrator.name,
+        finest_step=math.nan,
+        modes=modes,
+        residual_vectors=vectors,
+        unknowns=system.size,
+        mesh=mesh.variant.mesh,
+        contact_points=mesh.variant.contact_points,
+        gaps=len(mesh.scene.gap_position),
+        mesh_unknowns=mesh.unknowns,
+        model_cpu_seconds=model_cpu,
+    )
+
+
+def _simulate(setup: _Setup, prepared: Prepared, settings: Settings, progress: Progress) -> History:
+    """A run of the whole time that is timed."""
+    ground = ground_at_steps(setup.motion, settings.steps.base, setup.duration, prepared.system)
+    return simulate_one(prepared, ground, settings, progress)
+
+
+def _measure(setup: _Setup, case: _Case, reference: _Reference, clock: Clock) -> CaseResult:
     setting = case.setting
-    ground = ground_at_steps(setup.motion, case.settings.steps.base, setup.duration, case.prepared.system)
-    model = f"{setting.modes}, {setting.residual_vectors} residual vectors"
+    model = f"mesh {setting.mesh}, {setting.modes}, {setting.residual_vectors} residual vectors"
     text = f"{setting.integrator}, {model}, finest step {setting.finest_step:g} s"
     runs: list[History] = []
     try:
         with clock.stage("case", text) as progress:
             for _ in range(setup.job.config.study.repeats):
-                runs.append(simulate_one(case.prepared, ground, case.settings, progress))
+                runs.append(case.run(progress))
     except ConvergenceError as error:
         return failed_case(setting, str(error))
-    history = runs[0]
-    rows = history.time <= setup.compared * (1.0 + 1e-9)
-    openings = Openings(history.time[rows], history.jump[rows, :, 0], setup.scene.gap_position)
-    difference = compare_openings(openings, reference, ("the study", reference_name))
+    openings = _openings(runs[0], case.scene, setup.compared)
+    same_mesh = not setup.on_finer_mesh and setting.mesh == setup.meshes[0].variant.mesh
+    names = "the study", reference.name
+    difference = compare_openings(openings, reference.openings, names, same_mesh=same_mesh)
     return case_result(setting, runs, difference)
 
 

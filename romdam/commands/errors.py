@@ -125,7 +125,7 @@ def study(
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Set speed against error: modes, integrators and steps of `study:`, on the first record of CONFIG."""
+    """Set speed against error: meshes, modes and steps of `study:`, on the first record of CONFIG."""
     from romdam.pipelines.error.study import study as study_job
     from romdam.terminal import open_terminal
 

@@ -1,18 +1,28 @@
-"""The same job on a mesh of half, or twice, the size of the elements, or of quadratic ones."""
+"""The same job on elements of half, or twice, the size, on quadratic ones, or with gaps at other places."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
 
+from romdam.config.base import Model
 from romdam.config.load import Job
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.geometry.refinement import Divisions
+from romdam.config.sections.joints import JointProperties
+from romdam.config.sections.study import ContactPoints
 from romdam.core.errors import ConfigError
 
 _QUADRATIC = {"hex8": "hex20", "tet4": "tet10"}
 _OF_DAM = ("along", "through", "up")  # divisions of the dam itself, whose nodes hold the gaps
+_POINTS: dict[str, dict[str, object]] = {  # contact points -> keys of every joint
+    "nodes": {"gaps": "nodes", "discretization": "node_to_node"},
+    "corners": {"gaps": "corners", "discretization": "node_to_node"},
+    "mortar": {"gaps": "nodes", "discretization": "mortar"},
+}
 MeshT = TypeVar("MeshT", MeshFileConfig, Divisions)
+ModelT = TypeVar("ModelT", bound=Model)
 
 
 def on_finer_mesh(job: Job) -> Job:
@@ -82,6 +92,57 @@ def on_quadratic_elements(job: Job) -> Job:
     if not changed:
         raise ConfigError(f"{job.path}: all elements have quadratic displacements already")
     return _of_another_mesh(job, changed)
+
+
+def on_limit_mesh(job: Job) -> Job:
+    """The job on a mesh whose error is far below its own: quadratic elements of half the size.
+
+    Raises
+    ------
+    ConfigError
+        as `on_finer_mesh`.
+    """
+    with suppress(ConfigError):  # elements of mesh files stay as they are
+        job = on_quadratic_elements(job)
+    return on_finer_mesh(job)
+
+
+def with_contact_points(job: Job, points: ContactPoints) -> Job:
+    """The job with the gaps of every joint at other places.
+
+    Raises
+    ------
+    ConfigError
+        for stiffnesses of single gaps, and for blocks whose stiffness and mass come from files.
+    """
+    if points == "as_given":
+        return job
+    _refuse_bound_to_mesh(job)
+    config, keys = job.config, _POINTS[points]
+    changed: dict[str, object] = {
+        "joints": {name: joint.model_copy(update=keys) for name, joint in config.joints.items()},
+        "cut": {name: _with_joints(section, keys) for name, section in config.cut.items()},
+    }
+    if config.arch_dam is not None:
+        changed["arch_dam"] = _with_joints(config.arch_dam, keys)
+    if config.gravity_dam is not None:
+        joints = config.gravity_dam.joints
+        changed["gravity_dam"] = config.gravity_dam.model_copy(update={"joints": _with_joints(joints, keys)})
+    return replace(job, config=config.model_copy(update=changed))
+
+
+def _with_joints(section: ModelT, keys: dict[str, object]) -> ModelT:
+    """A section with further keys in all properties of joints that stand in it."""
+    joints = {name: value for name, value in section if isinstance(value, JointProperties)}
+    return section.model_copy(update={name: value.model_copy(update=keys) for name, value in joints.items()})
+
+
+def has_linear_elements_only(job: Job) -> bool:
+    """Whether every element is known to have nodes at its corners only; those of mesh files are not known."""
+    config = job.config
+    boxes = [block.box.element if block.box is not None else "" for block in config.blocks.values()]
+    dams = [dam.element for dam in (config.arch_dam, config.gravity_dam) if dam is not None]
+    return all(element in _QUADRATIC for element in boxes + dams)
 
 
 def with_mesh_of(job: Job, other: Job) -> Job:

@@ -43,12 +43,14 @@ class Comparison:
     peak, peak_reference : largest openings [m]
     error : relative to the reference, joint by joint where the joints are known
     seconds : last time compared [s]
+    gaps : number of them that are compared
     """
 
     peak: float
     peak_reference: float
     error: RelativeError
     seconds: float
+    gaps: int
 
     @property
     def plain(self) -> dict[str, object]:
@@ -67,22 +69,35 @@ def compare_openings(
     reference: Openings,
     names: tuple[str, str],
     joints: Mapping[str, slice] | None = None,
+    *,
+    same_mesh: bool = True,
 ) -> Comparison:
     """Compare two runs gap by gap at the times that both have.
 
     Parameters
     ----------
     names : of the two, for a message
-    joints : name -> slice of its gaps in `computed`
+    joints : name -> slice of its gaps in `computed`; of runs on one mesh only
+    same_mesh : whether the two have all gaps in common; otherwise those are compared that both have
 
     Raises
     ------
     ResultError
         where the gaps or the times do not match, or nothing moved in the reference.
     """
-    pair = _match(computed.position, reference.position, names)
+    gaps, pair = coinciding(computed.position, reference.position)
+    if same_mesh and not len(gaps) == len(computed.position) == len(reference.position):
+        raise ResultError(
+            f"the {len(computed.position)} gaps of {names[0]} are not at the places of the "
+            f"{len(reference.position)} of {names[1]}"
+        )
+    if not len(gaps):
+        raise ResultError(
+            f"no gap of {names[0]} is at a gap of {names[1]} within 1 mm, so openings cannot be compared; "
+            "compare runs on meshes whose nodes coincide"
+        )
     rows, rows_reference = _common_times(computed.time, reference.time, names)
-    opening, better = computed.opening[rows], reference.opening[rows_reference][:, pair]
+    opening, better = computed.opening[rows][:, gaps], reference.opening[rows_reference][:, pair]
     if not better.any():
         raise ResultError(
             f"{names[1]}: no joint moved, there is nothing to compare with; verify a stronger record"
@@ -92,15 +107,7 @@ def compare_openings(
         peak_reference=float(better.max()),
         error=opening_error(opening, better, joints),
         seconds=float(computed.time[rows[-1]]),
-    )
-
-
-def _match(position: Floats, reference: Floats, names: tuple[str, str]) -> NDArray[np.int64]:
-    rows, pair = coinciding(position, reference)
-    if len(rows) == len(position) == len(reference):
-        return pair
-    raise ResultError(
-        f"the {len(position)} gaps of {names[0]} are not at the places of the {len(reference)} of {names[1]}"
+        gaps=len(gaps),
     )
 
 

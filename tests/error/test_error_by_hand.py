@@ -83,11 +83,14 @@ def test_cost_of_a_setting_is_the_median_of_its_runs():
         SimpleNamespace(stats={"loop_cpu_seconds": s, "finest_step": 0.002, "steps": 7.0})
         for s in (4, 1, 2.5)
     ]
-    comparison = SimpleNamespace(peak=0.03, error=SimpleNamespace(peak=0.1, l2=0.2))
+    comparison = SimpleNamespace(peak=0.03, error=SimpleNamespace(peak=0.1, l2=0.2), gaps=6)
     found = case_result(Setting("modal", 0.005, "20", 3, 400), runs, comparison)
     assert (found.cpu_seconds, found.cpu_spread) == (2.5, pytest.approx(3 / 2.5))
     assert (found.peak_opening, found.peak_error, found.l2_error, found.steps) == (0.03, 0.1, 0.2, 7)
-    assert found.finest_step == 0.002
+    assert (found.finest_step, found.compared_gaps) == (0.002, 6)
+    runs[0].stats["all_runs_cpu_seconds"] = 6.0  # what it took to choose the step
+    assert case_result(Setting("modal", 0.005, "20", 3, 400), runs, comparison).cpu_seconds == 2.5
+    assert case_result(Setting("modal", 0.005, "20", 3, 400), runs[:1], comparison).cpu_seconds == 6.0
     front = pareto_front(np.array([1.0, 2.0, 2.0, 3.0, np.nan]), np.array([5.0, 4.0, 4.5, 4.0, 0.0]))
     assert front.tolist() == [True, True, False, False, False]
 

@@ -108,7 +108,10 @@ _TWO: dict[str, Any] = {
         },
     },
     "study": {
+        "meshes": ["as_given"],
+        "contact_points": ["as_given"],
         "modes": [5],
+        "cutoffs": ["90 Hz"],
         "residual_vectors": [0],
         "finest_steps": ["2 ms"],
         "reference_step": "1 ms",
