@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from romdam.error.statement import percent
 from romdam.error.study import setting_name
 from romdam.visual.style import COLOURS, GREY, STYLE
 
@@ -75,7 +76,10 @@ def study_figure(dataset: xr.Dataset) -> Figure:
         ax.set_xlim(low * (low / high) ** _ROOM, high)
         low, high = ax.get_ylim()
         ax.set_ylim(low * (low / high) ** _BELOW, high)
-        ax.set_title(f"{dataset.attrs['title']}  ·  {dataset.attrs['record']}", loc="left")
+        about = str(dataset.attrs["record"])
+        if (left := dataset.attrs.get("reference_mesh_error")) is not None:
+            about += f"; the mesh of the reference leaves about {percent(left)} itself"
+        ax.set_title(f"{dataset.attrs['title']}\n{about}", loc="left")
         figure.legend(loc="outside lower center", ncols=2)
         return figure
 
