@@ -70,6 +70,7 @@ _LONG_NAMES = {
     "cpu_spread": "largest minus smallest CPU time of the repeats over their median",
     "total_cpu_seconds": "CPU time of the model and of the time loop, what one record costs",
     "steps": "steps taken over the whole record",
+    "setting": "mesh, modes, integrator and finest step in words",
     "failure": "why a case has no numbers",
     "on_front": "whether no other case is both cheaper for one record and nearer",
     "of_job": "whether it is the job's own setting, or the one that its accuracy has chosen",
@@ -104,6 +105,14 @@ class Setting:
     mesh_unknowns: int = 0
     model_cpu_seconds: float = 0.0
     of_job: bool = False
+
+    @property
+    def words(self) -> str:
+        """All that tells it from others."""
+        points = "" if self.contact_points == "as given" else f", gaps: {self.contact_points}"
+        vectors = f" + {self.residual_vectors} vectors" if self.residual_vectors else ""
+        step = f"{1e3 * self.finest_step:.4g} ms"
+        return f"mesh {self.mesh}{points}, {self.modes}{vectors}, {self.integrator}, {step}"
 
 
 @dataclass(frozen=True)
@@ -148,7 +157,7 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
     """
     names = list(CaseResult.__dataclass_fields__)
     columns = {name: np.array([getattr(case, name) for case in cases]) for name in names}
-    columns["of_job"] = columns["of_job"].astype(np.int8)
+    columns |= {"of_job": columns["of_job"].astype(np.int8), "setting": np.array([c.words for c in cases])}
     error, total = columns["l2_error"], columns["model_cpu_seconds"] + columns["cpu_seconds"]
     columns |= {"total_cpu_seconds": total, "on_front": pareto_front(total, error).astype(np.int8)}
     variables = {
@@ -237,20 +246,11 @@ def study_table(dataset: xr.Dataset) -> str:
         else:
             cpu = (f"{dataset[name].values[i]:.3g}" for name in ("total_cpu_seconds", "cpu_seconds"))
             error = f"{100 * dataset.l2_error.values[i]:.2g} %"
-            short.append([f"{100 * wanted:g} %", setting_name(dataset, int(i)), *cpu, error])
+            short.append([f"{100 * wanted:g} %", str(dataset.setting.values[i]), *cpu, error])
     attrs = dataset.attrs
     head = f"{attrs['title']}\n{attrs['compared']}\n{attrs['machine']}; romdam {romdam.__version__}\n"
     head += f"CPU s: scene, reduction and time loop ({attrs['timed_seconds']:g} s), what one record costs\n\n"
     return head + _markdown(rows) + "\n" + _markdown(short)
-
-
-def setting_name(dataset: xr.Dataset, i: int) -> str:
-    """What a case is, in a few words."""
-    values = {name: dataset[name].values[i] for name in ("mesh", "contact_points", "modes", "integrator")}
-    vectors, step = int(dataset.residual_vectors.values[i]), 1e3 * float(dataset.finest_step.values[i])
-    points = "" if values["contact_points"] == "as given" else f", gaps: {values['contact_points']}"
-    basis = f"{values['modes']}{f' + {vectors} vectors' if vectors else ''}"
-    return f"mesh {values['mesh']}{points}, {basis}, {values['integrator']}, {step:.4g} ms"
 
 
 def _markdown(rows: list[list[str]]) -> str:

@@ -9,8 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from romdam.error.statement import percent
-from romdam.error.study import setting_name
 from romdam.visual.style import COLOURS, GREY, STYLE
 
 _MARKERS = "osD^vP*X<>"
@@ -58,7 +56,7 @@ def study_figure(dataset: xr.Dataset) -> Figure:
         if len(own):
             ax.plot(
                 cpu[own], error[own], marker="*", ms=13, lw=0, color="white", mec="black", mew=1.2, zorder=6,
-                label=f"the job's own setting: {setting_name(dataset, int(own[0]))}",
+                label=f"the job's own setting: {dataset.setting.values[own[0]]}",
             )  # fmt: skip
         ax.set_xlabel("CPU time of one record, scene and reduction included [s]")
         ax.set_ylabel("L2 error of the openings [%]")
@@ -78,7 +76,7 @@ def study_figure(dataset: xr.Dataset) -> Figure:
         ax.set_ylim(low * (low / high) ** _BELOW, high)
         about = str(dataset.attrs["record"])
         if (left := dataset.attrs.get("reference_mesh_error")) is not None:
-            about += f"; the mesh of the reference leaves about {percent(left)} itself"
+            about += f"; the mesh of the reference leaves about {100.0 * left:.2g} % itself"
         ax.set_title(f"{dataset.attrs['title']}\n{about}", loc="left")
         figure.legend(loc="outside lower center", ncols=2)
         return figure
@@ -96,7 +94,7 @@ def _draw_front(ax: Axes, dataset: xr.Dataset) -> None:
         int(i): f"within {100.0 * wanted:g} %: " for i, wanted in kept if i >= 0
     }  # the least that it keeps
     for i, within in (cheapest or {int(row): "" for row in rows[-1:]}).items():
-        text = within + setting_name(dataset, i).replace(", ", "\n", 1)
+        text = within + str(dataset.setting.values[i]).replace(", ", "\n", 1)
         ax.annotate(
             text, (cpu[i], error[i]), xytext=(-6, -4), textcoords="offset points", ha="right", va="top",
             fontsize=7, zorder=7,
