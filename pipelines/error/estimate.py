@@ -10,7 +10,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import at_once, cpu_time
-from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error
+from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error, rocks_on_joints
 from romdam.error.statement import ErrorStatement, unknown_estimate
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
 from romdam.reduction.refinement import embedding, parts_without_refinement
@@ -103,16 +103,23 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
     """Estimate what the steps of a run have changed in its openings and slips, relative, in L2.
 
     The finest step is halved, and the base step where it makes an error; it is cut into three where joints
-    have bonds or other memory, so that few instants are common to both runs.
+    have bonds or other memory, so that few instants are common to both runs. Where blocks rock on joints that
+    alone hold them, the finest step is doubled, unless it is the base step.
 
     Raises
     ------
     ConvergenceError
         where a step does not converge.
     """
-    half, settings = history.stats["finest_step"] / 2.0, settings_for(job, prepared, motion)
-    law = prepared.system.law
-    parts = 3 if law.laws else 2 if follows_base_step(law) or hardly_cut(history) else 1
-    steps = prepared.integrator.steps(half, motion.dt / parts, settings.steps.interval)
+    finest, settings = history.stats["finest_step"], settings_for(job, prepared, motion)
+    law, factor, parts = prepared.system.law, 0.5, 1
+    if rocks_on_joints(prepared.system) and 2.0 * finest <= history.stats["base_step"]:
+        factor = 2.0
+    elif law.laws:
+        parts = 3
+    elif follows_base_step(law) or hardly_cut(history):
+        parts = 2
+    steps = prepared.integrator.steps(factor * finest, motion.dt / parts, settings.steps.interval)
     ground = ground_at_steps(motion, steps.base, job.config.transient.duration, prepared.system)
-    return estimate_time_error(prepared, history, ground, replace(settings, steps=steps, shear_share=0.5))
+    other = replace(settings, steps=steps, shear_share=min(factor, 1.0))
+    return estimate_time_error(prepared, history, ground, other)

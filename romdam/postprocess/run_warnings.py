@@ -45,7 +45,7 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
     if "accuracy" not in stats and not stats.get("estimated_time_error", 0.0) <= _ROUGH:
         sentences.append(
             f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
-            f"half of them shows: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
+            f"other steps show: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
             "transient.accuracy; if a finer step does not help, the history is chaotic: trust the peaks only"
         )
     return sentences

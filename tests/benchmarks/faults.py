@@ -295,6 +295,8 @@ _FAULTS = [
         _ERROR,
         ("(finer - opening[rows])[-rest:].mean(axis=0)", "(finer - opening[rows])[-1:].mean(axis=0)"),
         ("/ (history.time[row] - history.time[row - 1])", "/ history.time[row]"),
+        ("(jump, history.jump) if longer", "(history.jump, jump) if longer"),
+        ("motion[-1] - late * size", "motion[-1] - _QUIET * size"),
     ),
     *_in(
         "error/discretisation.py",

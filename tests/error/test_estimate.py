@@ -1,13 +1,16 @@
 """The estimate sees every joint's motion, and what slip leaves after it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from romdam.error import estimate
-from romdam.error.estimate import continued, estimate_error, moving_rows
+from romdam.error.estimate import continued, estimate_error, estimate_time_error, moving_rows
 from romdam.error.metrics import opening_error
+from romdam.timestepping.settings import Settings
+from romdam.timestepping.steps import Steps
 
 INTERVAL, SECONDS = 0.01, 30.0
 TIME = np.arange(0.0, SECONDS, INTERVAL)
@@ -79,6 +82,55 @@ def test_only_joints_that_slide_are_followed_for_as_long_as_they_move(monkeypatc
     assert asked[0] == pytest.approx(seconds, abs=0.2)
     assert f"from {asked[0][0]:g} to {asked[0][1]:g} s" in statement.sentence
     assert statement.errors["opening"].l2 == pytest.approx(0.01 / 1.01, rel=0.03)
+
+
+def rocking():
+    """A prepared system of two joints with friction, of a gap each, that alone hold a block."""
+    law = SimpleNamespace(directions=3, joints={"J": slice(0, 1), "K": slice(1, 2)}, laws=())
+    system = SimpleNamespace(law=law, needs_whole_record=False, floating=True, size=1)
+    return SimpleNamespace(system=system, integrator=SimpleNamespace(resumes=True))
+
+
+def test_where_blocks_rock_all_joints_count_as_one_and_contact_is_solved_less_tightly(monkeypatch):
+    """The second joint moves a hundredth of the first's at second 24: seen joint by joint, not of both."""
+    run, asked = history_of(burst(15.0, 1.0), burst(24.0, 0.1)), []
+
+    def larger(finer, history, ground, settings, rows):
+        asked.append((TIME[rows.start], TIME[rows.stop - 1], settings.tolerance))
+        return SimpleNamespace(jump=1.01 * history.jump[rows])
+
+    monkeypatch.setattr(estimate, "run_window", larger)
+    finer, settings = SimpleNamespace(prepared=rocking()), Settings(Steps(INTERVAL, 1, (4,)), tolerance=1e-8)
+    estimate_error(finer, run, None, settings)
+    estimate_error(finer, run, None, replace(settings, tolerance=1e-3))
+    assert asked[0] == pytest.approx((9.4, 15.4, 1e-4), abs=0.2) and asked[0][2] == 1e-4
+    assert asked[1][2] == 1e-3
+    assert moving_rows(run, rocking().system.law.joints, INTERVAL).stop > 2400
+
+
+@pytest.mark.parametrize(("cut", "tolerance"), [(2, 1e-4), (8, 1e-8)])
+def test_a_run_is_the_finer_one_where_it_is_judged_by_longer_steps(monkeypatch, cut, tolerance):
+    """Steps of 2.5 ms against 5 and 1.25 ms, which open by a tenth more in seconds 11 to 16: 0.8 is seen."""
+    opening = np.interp(TIME, [10.0, 15.0, 20.0], [0.0, 1.0, 0.0])
+    run, more = history_of(opening, opening), 0.1 * opening * ((TIME > 11.0) & (TIME < 16.0))
+    run.jump = np.pad(run.jump, ((0, 0), (0, 0), (0, 2)))
+    run.stats = {"finest_step": INTERVAL / 4}
+
+    def other(finer, history, ground, settings, rows):
+        assert settings.tolerance == tolerance
+        return SimpleNamespace(jump=history.jump[rows] + more[rows, None, None] * [1.0, 0.0, 0.0])
+
+    monkeypatch.setattr(estimate, "run_window", other)
+    fine = opening if cut == 2 else opening + more
+    stated = estimate_time_error(rocking(), run, None, Settings(Steps(INTERVAL, 1, (cut,)), tolerance=1e-8))
+    assert stated == pytest.approx(np.linalg.norm(more) / np.linalg.norm(fine) / 0.8, rel=1e-9)
+
+
+def test_the_rows_end_where_a_share_of_the_motion_is_left():
+    """A twelfth of the squared increments is at second 24: with a fifth left out the rows end before it."""
+    run = history_of(burst(15.0, 1.0), burst(24.0, 0.3))
+    ends = [TIME[moving_rows(run, {"all": slice(None)}, INTERVAL, late).stop - 1] for late in (0.02, 0.2)]
+    assert 23.0 < ends[0] < 25.0 and 15.0 < ends[1] < 17.0
 
 
 def test_rows_of_a_short_record_are_all_rows():

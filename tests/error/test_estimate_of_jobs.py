@@ -5,6 +5,7 @@ import pytest
 
 import romdam
 from romdam.core.motion import GroundMotion
+from romdam.error import estimate
 
 DT = 0.01
 TIME = np.arange(0.0, 3.0, DT)
@@ -101,3 +102,22 @@ def test_the_error_of_given_steps_is_stated_where_all_modes_are_kept(law):
     assert true > 0.01
     assert 0.5 * true <= attrs["solver_estimated_time_error"] <= 2.0 * true
     assert "error_estimate_opening_l2" not in attrs
+
+
+@pytest.mark.parametrize(("finest", "law", "other"), [
+    (0.0025, {}, 0.005),
+    (0.005, {}, 0.01),
+    (0.01, {}, 0.005),
+    (0.0025, {"friction_static": 0.6}, 0.00125),
+])  # fmt: skip
+def test_a_block_that_slides_is_judged_by_twice_its_steps(monkeypatch, finest, law, other):
+    """But not where that exceeds the base step, or joints remember more than slip."""
+    taken, run = [], estimate.run_window
+
+    def noted(finer, history, ground, settings, rows):
+        taken.append(settings.steps.finest)
+        return run(finer, history, ground, settings, rows)
+
+    monkeypatch.setattr(estimate, "run_window", noted)
+    slid(finest, DT, law)
+    assert taken == pytest.approx([other], rel=0.12)  # a base step in three parts has no such parts

@@ -36,7 +36,7 @@ def test_a_missed_accuracy_is_said(error):
 def test_rough_steps_that_were_given_are_said(error):
     given = {"estimated_time_error": error, "finest_step": 2.5e-3}
     (text,) = run_warnings(given)
-    assert "half of them shows" in text and "than 0.0025 s" in text
+    assert "as other steps show" in text and "than 0.0025 s" in text
     assert run_warnings(given | {"estimated_time_error": 0.049}) == []
 
 
