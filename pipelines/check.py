@@ -134,7 +134,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
 
 def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     """A job with one model."""
-    asked, runs = job, 1
+    asked, runs, sibling = job, 1, None
     if job.config.transient.total_accuracy is not None:
         job = with_accuracy(job, job.config.transient.step_accuracy)
     if job.config.model.modes == "auto":
@@ -160,7 +160,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             refuse_summary(job, None)
         usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
         model = build_model(job, clock, store, estimated=True)
-        build_sibling(job, clock, store)
+        sibling = build_sibling(job, clock, store)
         job = with_scene_warnings(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     duration, steps = job.config.transient.duration, dict[str, int]()
@@ -181,7 +181,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     else:
         closed = tuple(closed_frequencies(system, _CLOSED).tolist())
         with clock.stage("cost", "running short parts for their time"):
-            costs = run_costs(job, model, motions, each)
+            costs = run_costs(job, model, motions, each, sibling)
         coordinates = system.size
         basis = sum(block.vectors.nbytes for block in model.reduced.basis.values())
     # bytes of a written row: jump, force and state of every gap, three motions, coordinates

@@ -14,13 +14,14 @@ from romdam.core.system import GapLaw
 from romdam.core.threads import cpu_time
 from romdam.error.estimate import WINDOW
 from romdam.pipelines.error.estimate import with_estimates
+from romdam.pipelines.error.sibling import NoSibling, Sibling
 from romdam.pipelines.simulation import Model, settings_for, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.measures import moving, significant_duration
 
 log = logging.getLogger(__name__)
 
-COSTS = ("integration", "estimate", "stress", "results", "figures")
+COSTS = ("integration", "estimate", "mesh", "stress", "results", "figures")
 _PARTS = 4  # of the record, at equal distances: strong motion is some of them
 _FIRST = 0.01  # of the record, each part, to begin with: they tell how long the others may be
 _ROWS = 5.0  # written rows of a part at least
@@ -31,14 +32,21 @@ _FIGURES = 1.5  # s of CPU to draw the figures of a result: 0.9 to 2.4
 _QUIET = 0.02  # of the record's squared acceleration, at either end: joints hardly move, see `error.estimate`
 
 
-def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int = 1) -> dict[str, float]:
-    """CPU seconds of all runs: integration, estimate, stress, results, figures; empty where a part fails.
+def run_costs(
+    job: Job,
+    model: Model,
+    motions: Sequence[GroundMotion],
+    runs: int = 1,
+    sibling: Sibling | NoSibling | None = None,
+) -> dict[str, float]:
+    """CPU seconds of all runs, see `COSTS`; empty where a part fails.
 
     Parts of two lengths are run, so that what a run takes whatever its length is counted once.
 
     Parameters
     ----------
     runs : of each record
+    sibling : states the error of the mesh in every run, None where that is not stated
     """
     strongest = max(motions, key=lambda motion: motion.peak)
     whole = run_seconds(job, strongest)
@@ -48,13 +56,13 @@ def run_costs(job: Job, model: Model, motions: Sequence[GroundMotion], runs: int
     model = replace(model, stress=stress_fields(model.scene, model.reduced))
     fields = cpu_time() - start
     try:
-        _run_parts(job, model, strongest, short)  # compiles
-        costs = _run_parts(job, model, strongest, short)
+        _run_parts(job, model, sibling, strongest, short)  # compiles
+        costs = _run_parts(job, model, sibling, strongest, short)
         if short < 1.0:
             share = min(1.0, short * max(_LONGER, _BUDGET / max(costs["integration"], 1e-6)))
             if share < 1.0:  # in parts within which an estimate goes all the way
                 share = max(short, min(share, _PARTS * WINDOW / whole))
-            costs = of_whole(short, costs, share, _run_parts(job, model, strongest, share))
+            costs = of_whole(short, costs, share, _run_parts(job, model, sibling, strongest, share))
             if share < 1.0:
                 costs["estimate"] *= estimated_share(model.system.law, strongest, whole)
     except recoverable() as error:  # no reason to refuse the job: only these parts begin from rest
@@ -113,7 +121,9 @@ def of_whole(
     return whole
 
 
-def _run_parts(job: Job, model: Model, motion: GroundMotion, share: float) -> dict[str, float]:
+def _run_parts(
+    job: Job, model: Model, sibling: Sibling | NoSibling | None, motion: GroundMotion, share: float
+) -> dict[str, float]:
     """CPU seconds of running a share of a record, in parts at equal distances, each from rest."""
     costs = dict.fromkeys(COSTS, 0.0)
     for window in record_parts(motion, run_seconds(job, motion), share):
@@ -124,6 +134,9 @@ def _run_parts(job: Job, model: Model, motion: GroundMotion, share: float) -> di
         history = simulate_motion(cut, model.prepared, window, length)
         times.append(cpu_time())
         history, _ = with_estimates(cut, model, window, history)
+        times.append(cpu_time())
+        if isinstance(sibling, Sibling):
+            simulate_motion(sibling.job, sibling.model.prepared, window, length)
         times.append(cpu_time())
         stress_of(model.scene, model.stress, history)
         times.append(cpu_time())

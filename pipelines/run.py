@@ -19,6 +19,7 @@ from romdam.config.load import Job, Source
 from romdam.config.other_mesh import with_compared_stress, with_mesh_of
 from romdam.core.errors import (
     ConfigError,
+    ConvergenceError,
     MeshError,
     ReductionError,
     ResultError,
@@ -38,7 +39,7 @@ from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
-from romdam.pipelines.error.sibling import Sibling, run_with_stress, sibling_job, with_stress
+from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -263,22 +264,25 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
     return motions
 
 
-def build_sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | None:
+def build_sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | NoSibling | None:
     """The job on another mesh, where the error of its own is to be stated.
 
     Raises
     ------
     ConfigError
-        where there is no such mesh, or the job does not go with it.
+        where there is no such mesh, or the job does not go with it, and a job asks for that one.
     """
     asked = job.config.outputs.mesh_error
-    if asked is None:
+    if not asked or (asked == "auto" and not job.config.every_joint):
         return None
     finer = asked == "finer"
     try:
-        other = sibling_job(job, finer=finer)
-        return Sibling(other, with_stress(build_model(other, Clock(clock.show), store)), finer)
-    except (ConfigError, MeshError, ReductionError) as error:
+        with clock.stage("mesh_model", "reducing the blocks of another mesh, for the error of this one"):
+            other = sibling_job(job, finer=finer)
+            return Sibling(other, with_stress(build_model(other, Clock(silent), store)), finer)
+    except (ConfigError, ConvergenceError, MeshError, ReductionError) as error:
+        if asked == "auto":
+            return NoSibling(str(error).removeprefix(f"{job.path}: "))
         raise ConfigError(f"{job.path}: outputs.mesh_error: no {asked} mesh: {error}") from None
 
 
@@ -288,7 +292,7 @@ def _run_all(
     motions: Sequence[GroundMotion],
     target: Target,
     clock: Clock,
-    of_mesh: Sibling | MeshChoice | None,
+    of_mesh: Sibling | NoSibling | MeshChoice | None,
     *,
     lone: bool,
 ) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
@@ -440,7 +444,7 @@ def run_motion(
     motion: GroundMotion,
     target: Target,
     clock: Clock,
-    of_mesh: Sibling | MeshChoice | None = None,
+    of_mesh: Sibling | NoSibling | MeshChoice | None = None,
 ) -> FinishedRun:
     """Integrate one ground motion and write its result.
 
@@ -467,7 +471,10 @@ def run_motion(
         dataset = build_dataset(case, job, timing, files.get("model_file"))
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"
-        dataset.attrs.update(read_verification(folder, dataset.attrs))
+        verified = read_verification(folder, dataset.attrs)
+        dataset.attrs.update(verified)
+        if job.config.outputs.mesh_error == "auto" and "discretisation_statement" in verified:
+            mesh_error = None  # `romdam verify --mesh` has stated it, from the mesh that was asked for
         for statement in (estimate, mesh_error):
             if statement is not None:
                 statement.write_to(dataset)

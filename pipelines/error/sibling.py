@@ -47,8 +47,25 @@ class Sibling:
             about = {"record": motion.name, "seconds": seconds}
             return discretisation(*pair, finer=self.finer, about=about)
         except recoverable() as error:
-            why = f"What the mesh changes is unknown: {describe_error(error)}"
-            return ErrorStatement("discretisation", why, {})
+            return unknown_mesh_error(describe_error(error))
+
+
+@dataclass(frozen=True)
+class NoSibling:
+    """No other mesh to run on, and why."""
+
+    why: str
+
+    def state(
+        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+    ) -> ErrorStatement:
+        """State that what the mesh changes is unknown, and why."""
+        return unknown_mesh_error(self.why)
+
+
+def unknown_mesh_error(why: str) -> ErrorStatement:
+    """State that what the mesh changes is unknown, and why."""
+    return ErrorStatement("discretisation", f"What the mesh changes is unknown: {why}", {})
 
 
 def sibling_job(job: Job, *, finer: bool) -> Job:

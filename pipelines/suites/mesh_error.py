@@ -7,7 +7,7 @@ from dataclasses import replace
 from romdam.config.other_mesh import with_compared_stress
 from romdam.core.errors import describe_error, recoverable
 from romdam.error.statement import ErrorStatement
-from romdam.pipelines.error.sibling import with_stress
+from romdam.pipelines.error.sibling import NoSibling, unknown_mesh_error, with_stress
 from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.stresses import stress_of
@@ -33,6 +33,8 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
     sibling = build_sibling(plan.job, clock, store)
     if sibling is None or not plan.runs:
         return None
+    if isinstance(sibling, NoSibling):
+        return unknown_mesh_error(sibling.why)
     strongest = max(plan.runs, key=lambda run: run.factor * plan.motions[run.record].peak)
     of_record = [run for run in plan.runs if run.record == strongest.record]
     weakest = min(of_record, key=lambda run: run.factor)
@@ -49,8 +51,7 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
                 history, stress = stress_of(model.scene, model.stress, history)
                 statements[run.factor] = sibling.state(model, history, stress, motion, progress)
     except recoverable() as error:
-        why = f"What the mesh changes is unknown: {describe_error(error)}"
-        return ErrorStatement("discretisation", why, {})
+        return unknown_mesh_error(describe_error(error))
     scales = [
         {"scale_factor": factor, **{name: error.plain for name, error in statement.errors.items()}}
         for factor, statement in statements.items()

@@ -212,7 +212,7 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
 def _of_another_mesh(job: Job, changed: dict[str, object]) -> Job:
     """The job with some sections changed, and with no other stress than what meshes are compared by."""
     job = with_compared_stress(job)
-    outputs = job.config.outputs.model_copy(update={"mesh_error": None})
+    outputs = job.config.outputs.model_copy(update={"mesh_error": False})
     return replace(job, config=job.config.model_copy(update=changed | {"outputs": outputs}))
 
 

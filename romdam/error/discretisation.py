@@ -85,8 +85,9 @@ def discretisation(
 ) -> ErrorStatement:
     """State what the mesh and its contact points change in a run, for every joint and output node.
 
-    Openings and slips are compared at gaps that both meshes have, forces as resultants of joints, stress by
-    percentiles of faces outside the ring of `run`.
+    Openings and slips are compared joint by joint at gaps that both meshes have, forces as resultants of
+    joints, stress by percentiles of faces outside the ring of `run`. Joints without such a gap are named in
+    the details.
 
     Parameters
     ----------
@@ -105,14 +106,13 @@ def discretisation(
             f"the runs on both meshes have {len(run.history.time)} and {len(sibling.history.time)} rows; "
             "set outputs.output_interval"
         )
-    rows, pair = coinciding(judged.position, better.position)
+    rows, pair, joints = _gaps_of_both(judged, better)
     if not len(rows):
         raise ResultError(
             "no gap of the one mesh is at a gap of the other within 1 mm, so openings cannot be compared; "
             "compare runs on meshes whose nodes coincide"
         )
     factor = OVER_FINER if finer else OVER_COARSER
-    joints = _slices(judged.joints, rows)
     jump, other = judged.history.jump[:, rows], better.history.jump[:, pair]
     errors = {"opening": opening_error(jump[..., NORMAL], other[..., NORMAL], joints)}
     if jump.shape[2] > 1:
@@ -150,12 +150,27 @@ def discretisation(
         "gaps": len(run.position),
         "gaps_sibling": len(sibling.position),
         "gaps_compared": len(rows),
+        "joints_not_compared": [name for name in judged.joints if name not in joints],
         "error_over_difference": factor,
         "not_resolved": lost,
         "nodes": nodes,
         **of_stress,
     }
     return ErrorStatement("discretisation", _sentence(errors, details, about), errors, details | dict(about))
+
+
+def _gaps_of_both(judged: MeshRun, better: MeshRun) -> tuple[Ints, Ints, dict[str, slice]]:
+    """Gaps at the same places of a joint: their numbers in both runs, and each joint's slice of these."""
+    rows, pair = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    joints, count = dict[str, slice](), 0
+    for name, gaps in judged.joints.items():
+        here, there = coinciding(judged.position[gaps], better.position[better.joints[name]])
+        if len(here):
+            rows.append(gaps.start + here)
+            pair.append(better.joints[name].start + there)
+            joints[name] = slice(count, count + len(here))
+            count += len(here)
+    return np.concatenate(rows), np.concatenate(pair), joints
 
 
 def _sentence(
@@ -193,14 +208,6 @@ def _plural(name: str) -> str:
     if name == "response_spectrum":
         return "response spectra"
     return f"{name.replace('_', ' ')}{'es' if name.endswith('s') else 's'}"
-
-
-def _slices(joints: Mapping[str, slice], rows: Ints) -> dict[str, slice]:
-    """Slices of the joints' gaps among some of all gaps, by their rising numbers."""
-    return {
-        name: slice(*(int(np.searchsorted(rows, end)) for end in (gaps.start, gaps.stop)))
-        for name, gaps in joints.items()
-    }
 
 
 def _by_joint(values: Floats, better: Floats, joints: Mapping[str, slice]) -> RelativeError:

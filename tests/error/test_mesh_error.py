@@ -1,6 +1,7 @@
 """The statement of the mesh's error: numbers by hand, the command, and a truth."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -88,6 +89,7 @@ def test_the_command_states_it_in_the_results_and_info_sums_all_errors(tmp_path)
     time = np.arange(100) * 0.01
     np.savetxt(tmp_path / "pulse.txt", 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time))
     raw = yaml.safe_load(SMALL)
+    raw["outputs"] = raw.get("outputs", {}) | {"mesh_error": False}
     (tmp_path / "small.yaml").write_text(yaml.safe_dump(raw))
     out = tmp_path / "out"
     assert call("run", tmp_path / "small.yaml", "--out", out, "--quiet")[0] == 0
@@ -131,6 +133,75 @@ def test_a_run_states_it_where_the_job_asks(tmp_path, asked):
     with xr.open_dataset(tmp_path / "run" / "pulse.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["discretisation_opening_l2"] == document["error"]["opening"]["l2"] > 0.0
         assert json.loads(dataset.attrs["discretisation"])["error"] == document["error"]
+
+
+def small_job(folder, element_size, **outputs):
+    """Two blocks in a pulse of a second, in a file."""
+    time = np.arange(100) * 0.01
+    np.savetxt(folder / "pulse.txt", 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time))
+    raw = yaml.safe_load(SMALL)
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = element_size
+    raw["model"] = {"modes": 4}
+    raw["outputs"] = raw.get("outputs", {}) | outputs
+    (folder / "small.yaml").write_text(yaml.safe_dump(raw))
+    return folder / "small.yaml"
+
+
+def attributes_of(path):
+    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        return dict(dataset.attrs)
+
+
+def test_every_run_states_it_from_a_coarser_mesh_unless_it_is_not_to(tmp_path):
+    """By default as `coarser` does; `false` leaves it out; what another mesh has stated is not replaced."""
+    stated = {}
+    for key in ("auto", "coarser", False):
+        path = small_job(tmp_path, 2.5, **({} if key == "auto" else {"mesh_error": key}))
+        code, _, err = call("run", path, "--out", tmp_path / str(key), "--quiet")
+        assert code == 0, err
+        stated[key] = attributes_of(tmp_path / str(key) / "pulse.nc")
+    assert json.loads(stated["auto"]["discretisation"])["sibling"] == "coarser"
+    assert stated["auto"]["discretisation"] == stated["coarser"]["discretisation"]
+    assert stated["auto"]["cpu_seconds_mesh_model"] > 0.0 and stated["auto"]["cpu_seconds_mesh"] > 0.0
+    assert "discretisation" not in stated[False] and "cpu_seconds_mesh" not in stated[False]
+    path, out = small_job(tmp_path, 2.5), tmp_path / "auto"
+    assert call("verify", path, "--mesh", "finer", "--out", out, "--quiet")[0] == 0
+    assert call("run", path, "--out", out, "--quiet")[0] == 0
+    assert json.loads(attributes_of(out / "pulse.nc")["discretisation"])["sibling"] == "finer"
+
+
+def test_a_mesh_without_a_coarser_one_states_that_it_is_unknown(tmp_path):
+    path = small_job(tmp_path, 5.0)
+    code, _, err = call("run", path, "--out", tmp_path / "out", "--quiet")
+    assert code == 0, err
+    attrs = attributes_of(tmp_path / "out" / "pulse.nc")
+    why = "has 1 elements along x, which cannot be halved; compare with a finer mesh instead"
+    assert attrs["discretisation_statement"].startswith("What the mesh changes is unknown: blocks.")
+    assert why in attrs["discretisation_statement"] and "discretisation_opening_l2" not in attrs
+    code, out, _ = call("info", tmp_path / "out" / "pulse.nc")
+    assert code == 0 and "of mesh unknown" in out and str(tmp_path) not in attrs["discretisation_statement"]
+
+
+def test_check_has_the_cost_of_the_mesh_statement(tmp_path):
+    from romdam.pipelines.check import check
+
+    costs = [check(small_job(tmp_path, 2.5, mesh_error=key)).costs["mesh"] for key in ("auto", False)]
+    assert costs[0] > 50.0 * costs[1]
+
+
+def test_joints_that_meet_are_compared_each_with_itself():
+    """Two joints have a gap at one place, a third has none at the other mesh's: it is told, and no number."""
+    run, sibling = run_of((1.0, 2.0, 3.0)), run_of((1.1, 2.2, 3.3))
+    place = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [5.0, 0.0, 2.0]])
+    joints = {"j": slice(0, 1), "k": slice(1, 2), "l": slice(2, 3)}
+    run = replace(run, position=place, joints=joints)
+    sibling = replace(sibling, position=place + np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0.5]]), joints=joints)
+    stated = discretisation(run, sibling, finer=True, about=ABOUT)
+    assert set(stated.errors["opening"].joints) == {"j", "k"}
+    assert stated.details["joints_not_compared"] == ["l"] and stated.details["gaps_compared"] == 2
+    for name in ("j", "k"):  # 0.1 of 1.1, of which 1.5 is stated
+        assert stated.errors["opening"].joints[name].l2 == pytest.approx(1.5 / 11.0, rel=1e-12)
 
 
 def test_a_job_without_the_mesh_it_asks_for_is_refused(tmp_path):

@@ -222,9 +222,10 @@ class OutputsConfig(Model):
     """Summary of several runs as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
     """Estimate of the reduction error in every result."""
-    mesh_error: Literal["finer", "coarser"] | None = None
+    mesh_error: Literal["auto", "finer", "coarser", False] = "auto"
     """Mesh of half (finer) or twice (coarser) the size of the elements, on which every run is made again to
-    state the error of its own mesh; of a suite the strongest record, at its largest and smallest scale."""
+    state the error of its own mesh; of a suite the strongest record, at its largest and smallest scale. auto:
+    coarser where there is such a mesh; false: the error of the mesh is not stated."""
 
 
 class Config(Model):
@@ -383,7 +384,7 @@ class Config(Model):
                 raise ValueError(
                     f"transient.accuracy.total: needs {what}; or give an accuracy of the steps, 1 %"
                 )
-        if self.outputs.mesh_error is not None:
+        if self.outputs.mesh_error in ("finer", "coarser"):
             raise ValueError(
                 "outputs.mesh_error: transient.accuracy.total states the error of the mesh that it chooses; "
                 "leave one of the two out"
