@@ -57,7 +57,12 @@ class NoSibling:
     why: str
 
     def state(
-        self, model: Model, history: History, motion: GroundMotion, progress: Progress
+        self,
+        model: Model,
+        history: History,
+        stress: StressSummary | None,
+        motion: GroundMotion,
+        progress: Progress,
     ) -> ErrorStatement:
         """State that what the mesh changes is unknown, and why."""
         return unknown_mesh_error(self.why)
