@@ -109,7 +109,9 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
     monkeypatch.setattr(cost, "stress_fields", lambda *_: {})
     monkeypatch.setattr(cost, "estimated_share", lambda *_: 1.0)
     monkeypatch.setattr(
-        cost, "_run_parts", lambda job, model, motion, share: {n: s * share for n, s in per_share.items()}
+        cost,
+        "_run_parts",
+        lambda job, model, sibling, motion, share: {n: s * share for n, s in per_share.items()},
     )
     keys = {"transient": SimpleNamespace(duration=None), "outputs": SimpleNamespace(plots=True)}
     job = SimpleNamespace(config=SimpleNamespace(pipeline="run", **keys))

@@ -18,6 +18,7 @@ from romdam.core.files import check_file
 from romdam.error.metrics import RelativeError, opening_error
 
 _MOST = 4e9  # bytes of a file that is read whole
+_LINE = np.array([0.41, 0.57, 0.71])  # of length below 1, in which few planes of a mesh lie
 _SAME_PLACE = 1e-3  # [m]
 _UNREADABLE = (
     OSError, KeyError, ValueError, TypeError, IndexError, AttributeError, EOFError, MemoryError, RuntimeError,
@@ -125,14 +126,18 @@ def coinciding(position: Floats, reference: Floats) -> tuple[NDArray[np.int64], 
     -------
     rows of `position`, rising, and those of `reference`
     """
-    from scipy.spatial import cKDTree
-
     if len(position) == len(reference) and np.abs(position - reference).max(initial=0.0) < _SAME_PLACE:
         return np.arange(len(position)), np.arange(len(position))
-    near = cKDTree(position).sparse_distance_matrix(cKDTree(reference), _SAME_PLACE, output_type="coo_matrix")
-    alone = (np.bincount(near.row)[near.row] == 1) & (np.bincount(near.col)[near.col] == 1)
-    order = np.argsort(near.row[alone])
-    return near.row[alone][order].astype(np.int64), near.col[alone][order].astype(np.int64)
+    # candidates are near along one line; loading scipy.spatial would take longer than this
+    along, others = position @ _LINE, reference @ _LINE
+    order = np.argsort(others)
+    first, last = (np.searchsorted(others[order], along + sign * _SAME_PLACE) for sign in (-1.0, 1.0))
+    rows = np.repeat(np.arange(len(position)), last - first)
+    pairs = order[np.arange(len(rows)) - np.repeat(np.cumsum(last - first) - last, last - first)]
+    near = np.linalg.norm(position[rows] - reference[pairs], axis=1) < _SAME_PLACE
+    rows, pairs = rows[near], pairs[near]
+    alone = (np.bincount(rows)[rows] == 1) & (np.bincount(pairs)[pairs] == 1)
+    return rows[alone], pairs[alone]
 
 
 def _common_times(
