@@ -22,7 +22,7 @@ MESHES: dict[StudiedMesh, str] = {
     "twice": "twice the size",
     "half": "half the size",
     "quadratic": "quadratic",
-    "quadratic_twice": "quadratic, twice the size",
+    "quadratic_twice": "quadratic of twice the size",
 }
 CONTACT_POINTS: dict[ContactPoints, str] = {
     "as_given": "as given",

@@ -224,7 +224,7 @@ def test_every_mesh_that_a_study_may_name_has_a_name_and_the_reference_is_finer(
         "twice the size": (5.0, "hex8"),
         "half the size": (1.25, "hex8"),
         "quadratic": (2.5, "hex20"),
-        "quadratic, twice the size": (5.0, "hex20"),
+        "quadratic of twice the size": (5.0, "hex20"),
     }
     meshes = [each.config.blocks["left"].box for each in reference_meshes(job)]
     assert [(box.element_size, box.element) for box in meshes] == [(1.25, "hex20"), (2.5, "hex20")]
