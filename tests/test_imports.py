@@ -36,7 +36,7 @@ ALLOWED = {
     "effects": {"fem", "geometry", "linalg", "scene"},
     "reduction": {"effects", "fem", "geometry", "linalg", "scene"},
     "results": {"postprocess"},
-    "error": {"contact", "linalg", "postprocess", "results", "scene", "timestepping"},
+    "error": {"contact", "geometry", "linalg", "postprocess", "results", "scene", "timestepping"},
     "visual": {"postprocess", "results"},
     "export": {"contact", "effects", "fem", "geometry", "reduction", "scene"},
     "pipelines": EVERY_ROOM | {"surroundings"},  # of the process that workers are forked from
