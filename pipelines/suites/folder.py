@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Job, naming_lines
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.fingerprint import file_digest
 from romdam.core.threads import one_thread
@@ -96,6 +96,7 @@ class Cleaned:
 
 
 @one_thread()
+@naming_lines
 def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent) -> Cleaned:
     """Find, and remove if asked to, what earlier designs of a suite have left in its folder.
 

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.config.sections.suite import KeepConfig
+from romdam.core.counted import Counted
 from romdam.core.errors import placed
-from romdam.core.files import prepare_folder, sweep_parts
+from romdam.core.files import prepare_folder, private_folder, sweep_parts
 from romdam.core.html.card import card
 from romdam.core.threads import one_thread
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shared
@@ -22,6 +23,7 @@ from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.mesh_error import state_mesh_error
 from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
+from romdam.pipelines.suites.progress import watched
 from romdam.pipelines.suites.runs import run_task
 from romdam.pipelines.suites.tasks import Suite
 from romdam.pipelines.summary import refuse_summary, write_summary_files
@@ -93,6 +95,7 @@ class SuiteOutcome:
 
 
 @one_thread()
+@naming_lines
 def run_suite(
     job: Source,
     out: str | Path,
@@ -177,8 +180,12 @@ def _make_missing(
         tasks = tasks_of(suite, plan, rows)
     missing = sum(len(task.runs) for task in tasks)
     tell(_announcement(suite, plan, missing, folder))
-    left = missing
-    with clock.stage("runs", f"{missing} runs") as progress:
+    with (
+        clock.stage("runs", Counted(missing, "runs")) as progress,
+        private_folder(folder) as notes,
+        watched(notes, missing, progress) as end_task,
+    ):
+        suite = replace(suite, notes=notes)
         for number, done in pool.map(run_task, suite, tasks):
             if isinstance(done, Exception):  # the rows of this task are left to be made again
                 message = f"its workers died, {done}; lower suite.batch, or give the workers more memory"
@@ -186,8 +193,7 @@ def _make_missing(
             else:
                 append_rows(folder / JOURNAL, [row for row in done if row.lasts])
             rows |= {row.key: row for row in done}
-            left -= len(tasks[number].runs)
-            progress(missing - left, missing)
+            end_task(len(tasks[number].runs), tasks[number].runs[0].key)
     return rows, missing
 
 

@@ -7,7 +7,7 @@ A worker writes nothing but the results that are kept whole, into the suite's ow
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
@@ -22,9 +22,12 @@ from romdam.fem.gaps import gap_law
 from romdam.pipelines.error.estimate import with_estimates
 from romdam.pipelines.simulation import Model, prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
+from romdam.pipelines.suites.progress import Note
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
+
+_INTEGRATION = 0.5  # of a task's time; the rest goes to its rows and the estimates of their errors
 
 
 def sample_model(suite: Suite, number: int) -> Model:
@@ -72,7 +75,9 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     samples = dict.fromkeys(run.index[2] for run in task.runs)
     models = {number: sample_model(suite, number) for number in samples}
     motions = [scaled(task.motions[run.record], run) for run in task.runs]
-    outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions)
+    note = Note(suite.notes, task.runs[0].key, len(task.runs))
+    told = note.part(0.0, _INTEGRATION)
+    outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions, told)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     # each run has the share of the task's time that its own steps took
     cpu_seconds = [
@@ -82,11 +87,12 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     ]  # fmt: skip
     total = sum(cpu_seconds)
     shares = [seconds / total if total > 0.0 else 1.0 / len(outcomes) for seconds in cpu_seconds]
-    rows = []
+    rows, told = list[Row](), note.part(_INTEGRATION, 1.0)
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, shares, strict=True):
         if isinstance(outcome, Exception):
             rows.append(_failed(run, outcome))
             continue
+        told(len(rows), len(task.runs))
         clock = (share * spent[0], share * spent[1])
         try:
             rows.append(_row(suite, models[run.index[2]], run, motion, outcome, clock))
@@ -104,12 +110,15 @@ def _failed(run: Run, error: Exception) -> Row:
 
 
 def integrate_runs(
-    job: Job, models: Sequence[Model], motions: Sequence[GroundMotion]
+    job: Job,
+    models: Sequence[Model],
+    motions: Sequence[GroundMotion],
+    progress: Callable[[int, int], None] | None = None,
 ) -> Sequence[History | Exception]:
     """The one place where a suite integrates: every history, or why there is none."""
     try:
         prepared = [model.prepared for model in models]
-        return simulate_motions(job, prepared, motions, job.config.transient.duration)
+        return simulate_motions(job, prepared, motions, job.config.transient.duration, progress)
     except recoverable() as error:
         if len(motions) == 1:
             return [error]

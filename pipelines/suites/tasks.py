@@ -72,6 +72,7 @@ class Suite:
     samples : what they vary
     folder : where results that are kept whole are written
     files : what they share: attribute -> file name
+    notes : folder where tasks note how far they are; None where nobody asks
     write : writes the result of a run; None where no run is kept whole. Workers load what it needs with it
     """
 
@@ -80,6 +81,7 @@ class Suite:
     samples: Samples
     folder: Path
     files: dict[str, str]
+    notes: Path | None = None
     write: Callable[[Suite, Run, Case, ErrorStatement | None], Kept] | None = None
 
     @property

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, Ta
 from rich.table import Column, Table
 from rich.text import Text
 
+from romdam.core.counted import Counted
 from romdam.core.errors import ConfigError
 from romdam.core.printable import printable
 from romdam.terminal.run_log import SAID
@@ -48,9 +49,10 @@ class Stages:
         if self._quiet:
             yield lambda done, total: None
             return
+        counted = text if isinstance(text, Counted) else None
         text = printable(text)
         if not self._console.is_terminal:
-            with _lines(self._console, text) as progress:
+            with _lines(self._console, text, counted) as progress:
                 yield progress
             return
         name = TextColumn(
@@ -63,7 +65,12 @@ class Stages:
         timer.daemon = True
         timer.start()
         try:
-            yield lambda done, total: bar.update(task, completed=done, total=total)
+
+            def update(done: int, total: int) -> None:
+                name = text if counted is None else printable(counted.done(done, total))
+                bar.update(task, completed=done, total=total, description=name)
+
+            yield update
         finally:
             timer.cancel()
             timer.join()
@@ -79,7 +86,7 @@ class _Times(ProgressColumn):
 
 
 @contextmanager
-def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
+def _lines(console: Console, text: str, counted: Counted | None) -> Iterator[Callable[[int, int], None]]:
     """Write now and then how far a stage is, also while it tells nothing of it."""
     begun, state, ended = time.monotonic(), [0, 0], threading.Event()
 
@@ -87,7 +94,8 @@ def _lines(console: Console, text: str) -> Iterator[Callable[[int, int], None]]:
         while not ended.wait(EVERY):
             done, total = state
             share = f"{100.0 * done / total:.0f} %, " if done > 0 and total > 0 else ""
-            line = f"{text}: {share}{times(time.monotonic() - begun, done, total)}"
+            name = text if counted is None else counted.done(done, total)
+            line = f"{name}: {share}{times(time.monotonic() - begun, done, total)}"
             console.print(f"{time.strftime(STAMP)} {line}", soft_wrap=True, markup=False, highlight=False)
 
     def progress(done: int, total: int) -> None:

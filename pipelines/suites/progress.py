@@ -1,0 +1,85 @@
+"""How far the tasks of a suite are: each notes it in a file of its own, wherever it runs, and one reads them.
+
+Workers are processes of this machine or of a cluster; what all of them see is the output folder.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+_EVERY = 1.0  # seconds between two notes of a task, and between two looks at them
+STEPS = 1000  # of a run, in what a stage is told
+
+
+class Note:
+    """The note of a task: how many of its runs are done, parts of runs included.
+
+    Parameters
+    ----------
+    folder : of the notes; None keeps none
+    key : of the task's first run, which no other task has
+    runs : of the task
+    """
+
+    def __init__(self, folder: Path | None, key: str, runs: int) -> None:
+        self._path = None if folder is None else folder / key
+        self._runs, self._next = runs, 0.0
+
+    def part(self, first: float, last: float) -> Callable[[int, int], None]:
+        """What a stage of the task, from one share of its work to another, tells how far it is."""
+        return lambda done, total: self._write(first + (last - first) * done / max(total, 1))
+
+    def _write(self, share: float) -> None:
+        now = time.monotonic()
+        if self._path is None or now < self._next:
+            return
+        self._next = now + _EVERY
+        with suppress(OSError):  # a note that is lost costs nothing
+            self._path.write_text(f"{self._runs * share:.6f}\n")
+
+
+@contextmanager
+def watched(
+    folder: Path, runs: int, progress: Callable[[int, int], None]
+) -> Iterator[Callable[[int, str], None]]:
+    """Tell a stage how many runs are done while the body has them made.
+
+    Parameters
+    ----------
+    folder : of the notes
+    runs : that are to be made
+    progress : told (steps done, steps in all), `STEPS` for each run
+
+    Yields
+    ------
+    to be called with the number of runs and the key of each task that has ended
+    """
+    finished, ended = [0], threading.Event()
+
+    def tell() -> None:
+        noted = 0.0
+        for path in folder.iterdir():
+            with suppress(OSError, ValueError):  # it is being written, or has just ended
+                noted += float(path.read_text())
+        progress(min(round(STEPS * (finished[0] + noted)), STEPS * runs), STEPS * runs)
+
+    def watch() -> None:
+        while not ended.wait(_EVERY):
+            tell()
+
+    def end_task(count: int, key: str) -> None:
+        (folder / key).unlink(missing_ok=True)
+        finished[0] += count
+        tell()
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
+    try:
+        yield end_task
+    finally:
+        ended.set()
+        watcher.join()
