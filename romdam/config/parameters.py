@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
+import fnmatch
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Annotated, Any, TypeVar
@@ -48,7 +50,7 @@ class VariedKey:
 
     Attributes
     ----------
-    path : as written, such as joints.J3.friction
+    path : as written, such as joints.J3.friction; several with commas between
     joints : names of the joints it stands in; empty for damping
     keys : of the joint or of `damping`
     units : of the SI value, UDUNITS
@@ -70,37 +72,94 @@ class Varied:
     damping: DampingConfig
 
 
-def find_varied_key(config: Config, path: str, name: str, source: str) -> VariedKey:
-    """Find what a path names.
+def joints_at(config: Config, path: str) -> tuple[str, ...]:
+    """The joints in which a path names a key, in the order of the configuration; empty where it names none.
 
     Parameters
     ----------
+    path : of a joint's key, with * and ? for parts of names, or of what a dam or a cut makes its joints of
+    """
+    section, _ = _section(config, path)
+    if section is None:
+        return ()
+    places = config.joint_places
+    matching = (
+        [section] if section in places else [place for place in places if fnmatch.fnmatchcase(place, section)]
+    )
+    names = {name for place in matching for name in places[place]}
+    return tuple(name for name in config.every_joint if name in names)
+
+
+def _section(config: Config, path: str) -> tuple[str | None, str]:
+    """A path as the section of a joint's keys, None where it ends in none of them, and the key."""
+    fields = sorted(_joint_keys(config), key=len, reverse=True)  # shear_key.depth before a key `depth`
+    field = next((key for key in fields if path.endswith(f".{key}")), "")
+    return (path.removesuffix(f".{field}") if field else None), field
+
+
+def _joint_keys(config: Config) -> dict[str, Parameter]:
+    """Every key of a joint that can be varied, those of a user's laws too."""
+    users = {user.law for properties in config.every_joint.values() for user in properties.law}
+    return {**_JOINT, **_places(sorted(users, key=law_order))}
+
+
+def find_varied_key(config: Config, paths: str | Sequence[str], name: str, source: str) -> VariedKey:
+    """Find what the path of a parameter, or each of several, names.
+
+    Parameters
+    ----------
+    paths : such as joints.J3.friction, joints.base_*.friction or gravity_dam.joints.base.friction; what they
+        name has one value
     name, source : of the parameter and of the configuration's file, for messages
 
     Raises
     ------
     ConfigError
-        for what changes the reduced basis, unknown joints and unknown keys.
+        for what changes the reduced basis, unknown joints and keys, and several paths of different keys.
     """
     where = f"{source}: suite.parameters.{name}.path"
-    root, _, rest = path.partition(".")
-    if root == "damping" and rest in _DAMPING:
-        return VariedKey(path, (), tuple(rest.split(".")), _DAMPING[rest])
-    joint, _, field = rest.partition(".")
-    every = config.every_joint
-    users = {user.law for properties in every.values() for user in properties.law}
-    known = {**_JOINT, **_places(sorted(users, key=law_order))}
-    if root == "joints" and field in known:
-        named = tuple(every) if joint == "*" else (joint,)
-        if not set(named) <= set(every):
-            raise ConfigError(f"{where}: no joint {quote(joint)} is defined; defined are {listed(every)}")
-        unit = known[field].unit
-        return VariedKey(path, named, tuple(field.split(".")), _UDUNITS.get(unit, unit), known[field])
+    paths = (paths,) if isinstance(paths, str) else paths
+    fields, joints = list[str](), list[str]()
+    for path in paths:
+        root, _, rest = path.partition(".")
+        if root == "damping" and rest in _DAMPING and len(paths) == 1:
+            return VariedKey(path, (), tuple(rest.split(".")), _DAMPING[rest])
+        section, field = _section(config, path)
+        named = joints_at(config, path)
+        if not named:
+            raise ConfigError(f"{where}: {_why_not(config, path, section)}")
+        fields.append(field)
+        joints += named
+    if len(set(fields)) > 1:
+        raise ConfigError(
+            f"{where}: the paths of a list have one key, got {listed(set(fields))}; make a "
+            "parameter of each key"
+        )
+    parameter = _joint_keys(config)[fields[0]]
+    units = _UDUNITS.get(parameter.unit, parameter.unit)
+    ordered = tuple(joint for joint in config.every_joint if joint in joints)
+    return VariedKey(", ".join(paths), ordered, tuple(fields[0].split(".")), units, parameter)
+
+
+def _why_not(config: Config, path: str, section: str | None) -> str:
+    """Say what is wrong with a path that names no number which can be varied."""
+    root = path.split(".")[0]
+    if section is not None and root in ("joints", "gravity_dam", "arch_dam", "cut"):
+        every = config.joint_places
+        near = difflib.get_close_matches(section, every, n=3)
+        meant = f"; did you mean {' or '.join(repr(place) for place in near)}?" if near else ""
+        if root == "joints":
+            joint, known = section.removeprefix("joints."), config.every_joint
+            what = "is like" if "*" in joint or "?" in joint else "is"
+            return f"no joint {what} {quote(joint)}; defined are {listed(known)}{meant}"
+        return f"no joints are made of {quote(section)}; joints are of {listed(every)}{meant}"
     if root in ("joints", "damping"):
-        keys = [f"joints.<name>.{key}" for key in known] if root == "joints" else [*_DAMPING]
-        raise ConfigError(f"{where}: {quote(path)} cannot be varied; in {root} can {', '.join(keys)}")
-    raise ConfigError(
-        f"{where}: {quote(path)} is not of the joints or the damping: it would change the reduced basis "
+        keys = [f"joints.<name>.{key}" for key in _joint_keys(config)] if root == "joints" else [*_DAMPING]
+        near = difflib.get_close_matches(path.split(".")[-1], [key.split(".")[-1] for key in keys], n=1)
+        meant = f"; did you mean {near[0]!r}?" if near else ""
+        return f"{quote(path)} cannot be varied; in {root} can {', '.join(keys)}{meant}"
+    return (
+        f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run "
         "one suite for each value of the rest"
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from pydantic import BaseModel
 
+from romdam.config.parameters import joints_at
 from romdam.config.sections.job import (
     BoxConfig,
     Config,
@@ -157,10 +158,12 @@ def check_assumptions(config: Config) -> tuple[str, ...]:
         remarks.append("suite: does nothing with pipeline: run; set pipeline: suite, or leave it out")
     if loads.weight == "staged" and gravity is None:
         remarks.append("loads.weight: staged does nothing without loads.gravity; give gravity: [0, 0, -9.81]")
-    varied = [parameter.path for parameter in (config.suite.parameters if config.suite else {}).values()]
+    parameters = (config.suite.parameters if config.suite else {}).values()
+    varied = {
+        joint for parameter in parameters for path in parameter.paths for joint in joints_at(config, path)
+    }
     for name, joint in config.every_joint.items():
-        waits = any(path.startswith((f"joints.{name}.", "joints.*.")) for path in varied)
-        if joint.has_idle_shear and not waits:
+        if joint.has_idle_shear and name not in varied:
             remarks.append(
                 f"joints.{name}.shear_stiffness: does nothing by itself (but in `romdam modes --joints "
                 "bonded`): it acts up to a limit that friction, cohesion or a shear_key gives; give one of "

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import difflib
+import fnmatch
 import io
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +13,7 @@ from pathlib import Path
 
 from romdam.config.names import misnamed_file, same_file
 from romdam.config.sections.motions.records import MEASURES, RecordConfig
-from romdam.core.errors import ConfigError, RecordError, quote
+from romdam.core.errors import ConfigError, RecordError, listed, quote
 from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.printable import plain_cell
@@ -101,11 +103,18 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
 
 def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
     """The records of an entry, whose errors name the key where there is one to be mended."""
-    for record in _candidates(entry, folder) if entry.target is not None else _read(entry, folder):
-        below = getattr(record.error, "key", "")
-        if key and below:
-            record = replace(record, error=RecordError(f"{key}.{below}: {record.error}", f"{key}.{below}"))
-        yield record
+    try:
+        for record in _candidates(entry, folder) if entry.target is not None else _read(entry, folder):
+            below = getattr(record.error, "key", "") or next(
+                (source for source in ("file", "files", "manifest", "suite") if getattr(entry, source)),
+                "components",
+            )
+            if key and isinstance(record.error, RecordError):
+                text = f"{key}.{below}: {record.error}"
+                record = replace(record, error=RecordError(text, f"{key}.{below}"))
+            yield record
+    except RecordError as error:  # of `only`, which is the entry's own
+        raise RecordError(f"{key}.only: {error}".removeprefix("."), key and f"{key}.only") from None
 
 
 def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
@@ -115,10 +124,15 @@ def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
     except (RecordError, ConfigError) as error:
         yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
         return
+    chosen = _Chosen(entry)
     for source in sources:
+        if source.is_record and not chosen.takes(source.name):
+            continue
         loaded = []
         try:
             for recorded in source.read():
+                if not chosen.takes(recorded.name):
+                    continue
                 for motion in _motions(recorded):
                     passes = True  # whether the measures of the largest of x, y, z lie within `keep`
                     keep = recorded.config.keep
@@ -130,6 +144,41 @@ def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
         except (RecordError, ConfigError) as error:
             loaded = [Loaded(source.name, error=error)]
         yield from loaded
+    chosen.refuse_unmatched()
+
+
+class _Chosen:
+    """The records that the `only` of an entry takes, and what of it has matched none."""
+
+    def __init__(self, entry: RecordConfig) -> None:
+        self._patterns, self._source = entry.only, entry.files or entry.manifest or entry.suite
+        self._unmatched, self._names = dict.fromkeys(entry.only or ()), dict[str, None]()
+
+    def takes(self, name: str) -> bool:
+        """Whether a record of a name is taken."""
+        self._names[name] = None
+        matching = [pattern for pattern in self._patterns or () if fnmatch.fnmatchcase(name, pattern)]
+        for pattern in matching:
+            self._unmatched.pop(pattern, None)
+        return self._patterns is None or bool(matching)
+
+    def refuse_unmatched(self) -> None:
+        """Refuse names that no record has.
+
+        Raises
+        ------
+        RecordError
+            with the names that are near, or all.
+        """
+        if not self._unmatched:
+            return
+        name, names = next(iter(self._unmatched)), list(self._names)
+        near = difflib.get_close_matches(name.replace("*", ""), names, n=3)
+        raise RecordError(
+            f"{self._source}: no record of {len(names)} is named {quote(name)}; "
+            + (f"near it are {', '.join(near)}" if near else f"there are {listed(names)}"),
+            "only",
+        )
 
 
 def _candidates(entry: RecordConfig, folder: Path) -> list[Loaded]:

@@ -61,10 +61,12 @@ class Source:
     ----------
     name : what it is called where it cannot be read
     read : reads it; raises RecordError or ConfigError
+    is_record : whether it is one record of that name
     """
 
     name: str
     read: Callable[[], list[Recorded]]
+    is_record: bool = False
 
 
 def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
@@ -88,7 +90,9 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
         for number, row in enumerate(manifest_rows(manifest), start=1):
             stated = row if isinstance(row, dict) else {}
             name = stated.get("name") or Path(str(stated.get("file", f"{manifest.stem}_{number}"))).stem
-            sources.append(Source(str(name), partial(_from_row, manifest, entry, number, row)))
+            sources.append(
+                Source(str(name), partial(_from_row, manifest, entry, number, row), is_record=True)
+            )
         return sources
     if entry.files is not None:
         paths = _files(folder / str(entry.files), str(entry.files))
@@ -108,7 +112,7 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     else:
         return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
     named = [(entry.name or name, paths) for name, paths in records]
-    return [Source(name, partial(_from_files, name, paths, entry, folder)) for name, paths in named]
+    return [Source(name, partial(_from_files, name, paths, entry, folder), True) for name, paths in named]
 
 
 def files_of_record(path: Path) -> tuple[str, list[Path]]:

@@ -210,6 +210,7 @@ def _suite() -> dict[str, Any]:
     raw["records"] = [
         {
             "files": "*.txt",
+            "only": ["*"],
             "unit": "m/s2",
             "dt": 0.01,
             "components": {"y": {"channel": "each"}},
@@ -230,7 +231,7 @@ def _suite() -> dict[str, Any]:
     raw["suite"] = {
         "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "of": "y", "values": ["1 m/s2"]},
         "parameters": {
-            "mu": {"path": "joints.gap.friction", "low": 0.4, "high": 0.7, "distribution": "uniform"},
+            "mu": {"path": ["joints.g*.friction"], "low": 0.4, "high": 0.7, "distribution": "uniform"},
             "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},
         },
         "design": {"latin_hypercube": 2, "seed": 3},

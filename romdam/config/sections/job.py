@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
@@ -281,6 +282,20 @@ class Config(Model):
                 }
         return generated | self.joints
 
+    @property
+    def joint_places(self) -> dict[str, tuple[str, ...]]:
+        """Path of every section with keys of joints, of dams and cuts too -> the joints that have them."""
+        places: dict[str, tuple[str, ...]] = {f"joints.{name}": (name,) for name in self.every_joint}
+        if self.gravity_dam:
+            places |= {
+                f"gravity_dam.joints.{kind}": of for kind, of in self.gravity_dam.joints_of_kinds.items()
+            }
+        if self.arch_dam and self.arch_dam.joint_pairs:
+            places["arch_dam.joints"] = tuple(self.arch_dam.joint_pairs)
+        return places | {
+            f"cut.{name}.joints": tuple(cut.joint_pairs) for name, cut in self.cut.items() if cut.joint_pairs
+        }
+
     @model_validator(mode="after")
     def _references(self) -> Self:
         if self.model.order == "full" and self.transient.finest_step is None:
@@ -296,7 +311,8 @@ class Config(Model):
         self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
-        varied = [parameter.path for parameter in self.suite.parameters.values()] if self.suite else []
+        parameters = self.suite.parameters.values() if self.suite else ()
+        varied = [path for parameter in parameters for path in parameter.paths]
         refuse_excluded(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
         refuse_coupled(coupling(self), self.transient.integrator, varied)
@@ -398,6 +414,11 @@ class Config(Model):
         if step is None or interval is None:
             return
         stride = round(interval / step)
+        if step > interval and step >= 1.0:  # no dam is integrated in seconds
+            raise ValueError(
+                f"transient.finest_step: {step:g} s is longer than {key}, {interval:g} s; is "
+                f"`{step:g} ms` meant?"
+            )
         if stride < 1 or abs(interval / step - stride) > 1e-6 * interval / step:
             raise ValueError(
                 f"{key} must be a whole multiple of transient.finest_step ({step:g} s), "
@@ -418,4 +439,6 @@ class Config(Model):
     @staticmethod
     def _known(key: str, name: str, among: Collection[str]) -> None:
         if name not in among:
-            raise ValueError(f"{key}: no {quote(name)} is defined; defined are {listed(among)}")
+            near = difflib.get_close_matches(name, among, n=1)
+            meant = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"{key}: no {quote(name)} is defined; defined are {listed(among)}{meant}")

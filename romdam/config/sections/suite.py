@@ -39,15 +39,24 @@ class IntensityConfig(Model):
         return self
 
 
+KeyPath = Annotated[str, Field(min_length=1)]
+
+
 class ParameterConfig(Model):
     """A number of the joints or of the damping that varies: the values, or a range to sample from.
 
-    `path` is where it stands in this file, such as joints.J3.friction, joints.*.friction (all joints) or
-    damping.rayleigh.ratio. `count` makes a range a row of values for the full grid.
+    `path` is where it stands in this file, such as joints.J3.friction, joints.base_*.friction (all that
+    match), gravity_dam.joints.base.friction (all that the dam makes of it) or damping.rayleigh.ratio; of a
+    list all places have one value. `count` makes a range a row of values for the full grid.
     """
 
-    path: Annotated[str, Field(min_length=1)]
-    """Path of the number in this file, such as joints.J3.friction, or joints.*.friction for all joints."""
+    path: Annotated[
+        Annotated[KeyPath, Tag("number")]
+        | Annotated[tuple[KeyPath, ...], Field(min_length=1, max_length=1000), Tag("list")],
+        by_shape("a path such as joints.J3.friction or joints.*.friction, or a list of them"),
+    ]
+    """Path of the number in this file, such as joints.J3.friction, joints.base_*.friction for all joints that
+    match, or gravity_dam.joints.base.friction; or a list of paths, which all have the value."""
     values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
     """All values, for the grid."""
     low: NumberOrText | None = None
@@ -58,6 +67,11 @@ class ParameterConfig(Model):
     """Number of values from `low` to `high` in the full grid, at equal distances or ratios."""
     distribution: Literal["uniform", "loguniform"] = "uniform"
     """Distribution of a Latin hypercube within the range."""
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Every path, as it is written."""
+        return (self.path,) if isinstance(self.path, str) else self.path
 
     @model_validator(mode="after")
     def _values_or_range(self) -> Self:
@@ -138,10 +152,12 @@ class SuiteConfig(Model):
             raise ValueError("give `scales` or `intensities`, not both")
         first: dict[str, str] = {}
         for name, parameter in self.parameters.items():
-            if first.setdefault(parameter.path, name) != name:
-                raise ValueError(
-                    f"parameters.{name}.path: {quote(parameter.path)} is varied twice; remove one of the two"
-                )
+            for path in parameter.paths:
+                if path in first:
+                    raise ValueError(
+                        f"parameters.{name}.path: {quote(path)} is varied twice; remove one of the two"
+                    )
+                first[path] = name
             self._has_what_the_design_needs(name, parameter)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")

@@ -40,7 +40,8 @@ def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
     """
     source = str(job.path)
     places = {
-        n: find_varied_key(job.config, parameter.path, n, source) for n, parameter in suite.parameters.items()
+        n: find_varied_key(job.config, parameter.paths, n, source)
+        for n, parameter in suite.parameters.items()
     }
     taken: dict[tuple[str, str], str] = {}
     for name, key in places.items():

@@ -351,6 +351,15 @@ class GravityDamConfig(Model):
         }
 
     @property
+    def joints_of_kinds(self) -> dict[str, tuple[str, ...]]:
+        """Key of `joints` -> the joints that it makes, those tied left out."""
+        kinds: dict[str, tuple[str, ...]] = {}
+        for name in self.joint_pairs:
+            kind = name.split("_")[0].replace("step", "base")
+            kinds[kind] = (*kinds.get(kind, ()), name)
+        return kinds
+
+    @property
     def materials(self) -> dict[str, str]:
         """Key of every material named, below `gravity_dam`, and its name."""
         return {"material": self.material} | ({"rock.material": self.rock.material} if self.rock else {})

@@ -178,7 +178,7 @@ class RecordConfig(Model):
     `x_azimuth`, the azimuth of the model's x, to rotate them there by the azimuths in their files.
     `group: station` joins files of one station and event (one file per component) to one record; the three
     files of K-NET and KiK-net are one record anyway. `select` takes so many of the entry's records, those
-    nearest to its `target`.
+    nearest to its `target`, `only` those of some names.
     """
 
     file: Path | None = None
@@ -230,6 +230,8 @@ class RecordConfig(Model):
     """Number of the entry's records that are taken, those nearest to its `target`."""
     match: MatchConfig | None = None
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
+    only: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    """Names of the records that are taken of a folder, a manifest or a set, or patterns such as NORTHR*."""
 
     @property
     def scale_to_measure(self) -> bool:
@@ -278,6 +280,8 @@ class RecordConfig(Model):
             raise ValueError(
                 "give exactly one source: `file`, `files`, `manifest`, `suite`, or a `file` per component"
             )
+        if self.only is not None and (self.file or by_component):
+            raise ValueError("`only` is for `files`, `manifest` and `suite`, and one file is one record")
         if self.layout == "series" and self.time_column is not None:
             raise ValueError("`layout: series` has no `time_column`; give `dt`")
         if self.azimuths and self.x_azimuth is None:
@@ -343,7 +347,7 @@ def read_row(
     ConfigError
         naming manifest and row.
     """
-    base = common.model_dump(exclude_unset=True, exclude={"manifest", "name"})
+    base = common.model_dump(exclude_unset=True, exclude={"manifest", "name", "only"})
     if not isinstance(row, dict) or not row.get("file"):
         raise ConfigError(f"{path}: record {number}: expected keys with a `file`, got {quote(row)}")
     _refuse_misplaced(path, number, row)

@@ -1,0 +1,71 @@
+"""Paths of a suite's parameter: patterns, lists, and what a dam makes its joints of."""
+
+import pytest
+from gravity_dams import gravity_dam
+
+from romdam.config import parse_config
+from romdam.config.parameters import find_varied_key, vary
+from romdam.core.errors import ConfigError
+
+REST = {
+    "records": [{"file": "r.txt", "unit": "g", "dt": 0.01, "components": {"y": 1}}],
+    "model": {"modes": 3},
+    "transient": {"finest_step": "2 ms"},
+    "damping": {"rayleigh": {"frequencies": [3, 20], "ratio": 0.05}},
+}
+BASES = ("base_1", "base_2", "step_2_1", "step_2_3", "base_3")  # the middle monolith stands deeper
+SIDES = ("contraction_1_2", "contraction_2_3")
+BASE, CONTRACTION = "gravity_dam.joints.base.friction", "gravity_dam.joints.contraction.friction"
+
+
+@pytest.fixture(scope="module")
+def config():
+    return parse_config(gravity_dam() | REST, "dam.yaml")
+
+
+@pytest.mark.parametrize(
+    ("path", "joints"),
+    [
+        ("joints.base_2.friction", {"base_2"}),
+        ("joints.base_*.friction", {"base_1", "base_2", "base_3"}),
+        ("joints.step_?_3.friction", {"step_2_3"}),
+        ("joints.*.friction", {*BASES, *SIDES}),
+        (BASE, {*BASES}),
+        ("gravity_dam.joints.*.friction", {*BASES, *SIDES}),
+        (["joints.base_1.friction", CONTRACTION], {"base_1", *SIDES}),
+    ],
+)
+def test_all_that_match_have_the_value_and_no_other_joint(config, path, joints):
+    key = find_varied_key(config, path, "mu", "dam.yaml")
+    assert {*key.joints} == joints and len(key.joints) == len(joints)
+    varied = vary(config, {"mu": key}, {"mu": 0.4}, "dam.yaml")
+    assert {name for name, joint in varied.joints.items() if joint.friction == (0.4, 0.4)} == joints
+    assert {joint.friction for name, joint in varied.joints.items() if name not in joints} <= {(0.6, 0.6)}
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("joints.bse_*.friction", ["no joint is like 'bse_*'", "did you mean", "'joints.base_1'"]),
+        ("joints.contraction_1_3.friction", ["'joints.contraction_1_2'"]),
+        (
+            "gravity_dam.joints.bases.friction",
+            ["'gravity_dam.joints.bases'", "did you mean 'gravity_dam.joints.base'"],
+        ),
+        ("gravity_dam.joints.lift.friction", ["no joints are made of 'gravity_dam.joints.lift'"]),
+        ("joints.base_1.fricton", ["cannot be varied", "did you mean 'friction'?"]),
+        ([BASE, "joints.base_1.gap"], ["one key, got friction, gap"]),
+        ("gravity_dam.material", ["not of the joints or the damping"]),
+    ],
+)
+def test_what_matches_nothing_is_refused_with_what_is_near(config, path, words):
+    with pytest.raises(ConfigError) as caught:
+        find_varied_key(config, path, "mu", "dam.yaml")
+    assert str(caught.value).startswith("dam.yaml: suite.parameters.mu.path: ")
+    assert [word for word in words if word not in str(caught.value)] == []
+
+
+def test_two_parameters_of_one_path_are_refused():
+    both = {"a": {"path": [BASE, CONTRACTION], "values": [0.5]}, "b": {"path": CONTRACTION, "values": [0.6]}}
+    with pytest.raises(ConfigError, match=r"suite\.parameters\.b\.path: .* is varied twice"):
+        parse_config(gravity_dam() | REST | {"pipeline": "suite", "suite": {"parameters": both}}, "dam.yaml")
