@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config, located
+from romdam.config.load import Job, Source, load_config, located, naming_lines
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.system import System
 from romdam.core.threads import one_thread
@@ -87,6 +87,7 @@ class Check:
 
 
 @one_thread()
+@naming_lines
 def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check:
     """Validate a job as far as can be without integrating it.
 
@@ -132,6 +133,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     )
 
 
+@naming_lines
 def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     """A job with one model."""
     asked, runs, sibling = job, 1, None

@@ -6,7 +6,7 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Job, naming_lines
 from romdam.core.errors import ConfigError, listed, placed
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.threads import one_thread
@@ -57,6 +57,7 @@ class Exported:
 
 
 @one_thread()
+@naming_lines
 def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage = silent) -> Exported:
     """Write a job and one of its records as a script that runs in another code.
 
@@ -98,6 +99,7 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
 
 
 @one_thread()
+@naming_lines
 def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | None = None) -> list[Path]:
     """Write the matrices of a job's blocks and of its system, reduced or not as its `model.order` says.
 

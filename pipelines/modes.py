@@ -9,7 +9,7 @@ from typing import Literal
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.core.errors import ConfigError, ResultError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
@@ -55,6 +55,7 @@ class ModesOutcome:
 
 
 @one_thread()
+@naming_lines
 def modes(
     job: Source, out: str | Path, options: ModesOptions = ModesOptions(), show: Stage = silent
 ) -> ModesOutcome:

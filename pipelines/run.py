@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from romdam.config.load import Job, Source
+from romdam.config.load import Job, Source, naming_lines
 from romdam.config.other_mesh import with_compared_stress, with_mesh_of
 from romdam.core.errors import (
     ConfigError,
@@ -167,6 +167,7 @@ def silent(text: str) -> AbstractContextManager[Progress]:
 
 
 @one_thread()
+@naming_lines
 def run(
     job: Source,
     out: str | Path | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job
+from romdam.config.load import Job, naming_lines
 from romdam.core.files import prepare_folder
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.results.fields import Result
@@ -31,6 +31,7 @@ class PlotOptions:
     window: tuple[float, float] | None = None
 
 
+@naming_lines
 def show_scene(job: Job, out: str | Path, show: Stage = silent) -> Path:
     """Draw the scene of a configuration as `out`/<configuration>-scene.png.
 

@@ -26,7 +26,7 @@ def with_variant(**changes):
 
 
 REFUSED = {
-    "a pattern that is no name": (varied("joints.g*.friction", 0.5, 0.7), "no joint 'g*' is defined"),
+    "a pattern that is no name": (varied("joints.x*.friction", 0.5, 0.7), "no joint is like 'x*'"),
     "a material": (varied("materials.concrete.E", 1e10, 2e10), "materials.concrete.E"),
     "the water's level": (varied("water.level", 5.0, 6.0), "water.level"),
     "a value out of range": (varied("joints.gap.friction", 0.5, -0.7), "friction"),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.variants import comparison_of, variant_jobs
 from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
@@ -35,6 +35,7 @@ class Comparison:
     failures: dict[str, str]
 
 
+@naming_lines
 def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Comparison:
     """Run every variant of `comparison:` into `out`/<variant> and set them side by side.
 

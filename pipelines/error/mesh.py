@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.core.files import prepare_folder
 from romdam.core.fingerprint import scene_digest
@@ -34,6 +34,7 @@ class VerifiedMesh:
 
 
 @one_thread()
+@naming_lines
 def verify_mesh(
     job: Source,
     out: str | Path,

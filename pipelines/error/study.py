@@ -12,7 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.coupling import coupling
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.config.study_meshes import MeshVariant, reference_meshes, studied_meshes
 from romdam.core.errors import ConfigError, ConvergenceError, MeshError, ReductionError, placed
 from romdam.core.files import prepare_folder, replacing
@@ -115,6 +115,7 @@ class _Reference:
 
 
 @one_thread()
+@naming_lines
 def study(job: Source, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
     """Run every setting of `study:` and the job's own on the first record, and set cost against error.
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config
+from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder
 from romdam.core.fingerprint import scene_digest
@@ -57,6 +57,7 @@ class Verified:
 
 
 @one_thread()
+@naming_lines
 def verify(
     job: Source,
     out: str | Path,

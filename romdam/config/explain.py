@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from romdam.config.quantities import spelt, tangent, unit_of
 from romdam.core.errors import quote
 
 Location = tuple[int | str, ...]
 
 _MOST = 20  # mistakes that are told at once
+_MOST_MEANT = 1e4  # a number beyond is no percentage, angle or time in ms
 _LONGEST = 60  # characters of a key in a message
 
-_LIMITS = {
-    "greater_than": "must be greater than {gt:g}",
-    "greater_than_equal": "must be at least {ge:g}",
-    "less_than": "must be less than {lt:g}",
-    "less_than_equal": "must be at most {le:g}",
+_KEY = re.compile(r"([A-Za-z_]\w*(?:\.[^\s.:\[\]=]+|\[\d+\])*)(?=:|$| =| must| is| has)")  # begins a message
+_OTHERWISE = {  # what keys are called elsewhere
+    "density": "rho", "poisson": "nu", "poissons_ratio": "nu", "young": "E", "youngs_modulus": "E",
+    "modulus": "E", "mu": "friction", "kn": "normal_stiffness", "ks": "shear_stiffness", "step": "dt",
+    "time_step": "finest_step", "reservoir": "water", "ground_motion": "records", "dam": "gravity_dam",
+}  # fmt: skip
+_LIMITS = {  # words, and the bound in the context
+    "greater_than": ("must be greater than", "gt"),
+    "greater_than_equal": ("must be at least", "ge"),
+    "less_than": ("must be less than", "lt"),
+    "less_than_equal": ("must be at most", "le"),
 }
 _KINDS = {  # in the words of a configuration, not of Python
     "path_type": "must be the path of a file",
@@ -32,7 +41,7 @@ _KINDS = {  # in the words of a configuration, not of Python
     "union_tag_not_found": "must be a name, or a mapping that says which, such as {step: detrend}",
 }
 SHAPES = ("number", "mapping", "list", "word")  # names of a union's branches in pydantic's locations
-_REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float"}
+_REMEDIED = {*_LIMITS, "too_short", "int_parsing", "int_from_float", "tuple_type"}
 _REMEDIES = {
     "nu": "concrete has about 0.18, rock 0.2 to 0.3; at 0.5 a solid is incompressible",
     "rho": "concrete has about 2400 kg/m3; a block without mass has `mass: false`, one without weight "
@@ -46,6 +55,7 @@ _REMEDIES = {
     "element_size": "give an edge length above 0, for example 2.5 m",
     "modes": 'give a number of modes per block such as 60, or "all"',
     "records": "name at least one ground motion",
+    "gravity": "for example [0, 0, -9.81]",
 }
 _MISSING = {
     "end": ": beyond which face the channel goes on, for example `end: upstream`, or `closed` within banks",
@@ -72,33 +82,66 @@ def explain(
     ----------
     line : number of the line of a key in the file, where there is a file
     """
-    items: list[dict[str, Any]] = [dict(item) for item in error.errors()]
-    shown_items, lines = items[:_MOST], []
-    for item in (item for item in shown_items if not _follows_from_another(item, shown_items)):
+    every: list[dict[str, Any]] = [dict(item) for item in error.errors()]
+    every.sort(key=lambda item: item["type"] != "extra_forbidden")  # a misspelt key is the cause of others
+    items = [item for item in every if not _follows_from_another(item, every)]
+    lines = []
+    for item in items[:_MOST]:
         path, owner = _walk(item["loc"], root)
+        if path and path[-1] == 0 and _is_of_both(item, every):
+            path = path[:-1]
+        path, text = _explain_one(item, path, owner)
         at = f":{line(path)}" if line else ""
-        lines.append(f"{source}{at}: {_explain_one(item, path, owner)}")
+        lines.append(f"{source}{at}: {text}")
     if len(items) > _MOST:
         lines.append(f"{source}: and {len(items) - _MOST} further mistakes; mend these first")
     return "\n".join(dict.fromkeys(lines))
 
 
+def key_at(message: str) -> tuple[Location, str]:
+    """The key that a message begins with, as a location and as it is written; both empty where none does."""
+    match = _KEY.match(message)
+    if match is None:
+        return (), ""
+    words = re.findall(r"[^.\[\]]+", match[1])
+    return tuple(int(word) if word.isdigit() else word for word in words), match[1]
+
+
 def _follows_from_another(item: Mapping[str, Any], items: list[dict[str, Any]]) -> bool:
     """Tell whether the real mistake is told elsewhere.
 
-    A sequence is called too short when an entry is wrong; one number for both directions fails twice.
+    A sequence is called too short when an entry is wrong; one number for both directions fails twice; a key
+    is missing that is there with a slip of the pen.
     """
     *parent, last = item["loc"] or ("",)
     if item["type"] == "too_short":
         return any(
             len(o["loc"]) > len(item["loc"]) and o["loc"][: len(item["loc"])] == item["loc"] for o in items
         )
-    first = (*parent, 0)
-    return last == 1 and any(o["loc"] == first and o["input"] == item["input"] for o in items)
+    if item["type"] == "missing":
+        siblings = [
+            o["loc"][-1] for o in items if o["type"] == "extra_forbidden" and [*o["loc"][:-1]] == parent
+        ]
+        return any(_nearest(str(name), [str(last)]) for name in siblings)
+    return last == 1 and any(o["loc"] == (*parent, 0) and o["input"] == item["input"] for o in items)
 
 
-def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel] | None) -> str:
-    """The mistake as key, what is wrong, the value, and the remedy."""
+def _is_of_both(item: Mapping[str, Any], items: list[dict[str, Any]]) -> bool:
+    """Tell whether one number for both directions is wrong, whose two copies then are."""
+    second = (*item["loc"][:-1], 1)
+    return any(o["loc"] == second and o["input"] == item["input"] for o in items)
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    """The known key that a wrong one most likely stands for; empty where none is near."""
+    same = [key for key in known if key.lower() == name.lower() or key == _OTHERWISE.get(name.lower())]
+    return next(iter([*same, *difflib.get_close_matches(name[:_LONGEST], known, n=1)]), "")
+
+
+def _explain_one(
+    item: Mapping[str, Any], path: Location, owner: type[BaseModel] | None
+) -> tuple[Location, str]:
+    """The mistake as key, what is wrong, the value, and the remedy; and its location."""
     key, kind, context, value = "", item["type"], item.get("ctx", {}), item["input"]
     for part in path:
         if isinstance(part, int):
@@ -110,17 +153,28 @@ def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel]
     if kind == "extra_forbidden":
         known = sorted(owner.model_fields) if owner is not None else []
         remedy = f"; known here: {', '.join(known)}" if known else ""
-        if close := difflib.get_close_matches(name[:_LONGEST], known, n=1):
-            remedy = f"; did you mean {close[0]!r}?"
-        return f"{key} is not a known key{remedy}"
+        if close := _nearest(name, known):
+            remedy = f"; did you mean {close!r}?"
+        return path, f"{key} is not a known key{remedy}"
+    example = _MISSING.get(key, _MISSING.get(name, ""))
     if kind == "missing":
-        return f"{key} is missing and has no default; add it{_MISSING.get(key, _MISSING.get(name, ''))}"
+        return path, f"{key} is missing and has no default; add it{example}"
+    if value is None and path:
+        return path, f"{key} is empty; fill it{example or ', or leave it out'}"
+    unit = ""
     if kind in _LIMITS:
-        message = _LIMITS[kind].format(**context)
+        words, bound = _LIMITS[kind]
+        if context[bound] and owner is not None and name in owner.model_fields:
+            unit = spelt(_unit(owner.model_fields[name]) or "")
+        message = f"{words} {context[bound]:g} {unit}".rstrip()
     elif kind == "too_short":
         message = f"must have at least {context['min_length']} entry"
+    elif kind == "too_long":
+        message = f"must have at most {context['max_length']} entries"
     elif kind == "union_tag_invalid":
         message = f"no such {context['discriminator'].strip(chr(39))}; known are {context['expected_tags']}"
+    elif kind == "tuple_type" and isinstance(value, dict):
+        message = "must be a list: begin each of its entries with `- `"
     elif kind in _KINDS:
         message = _KINDS[kind]
     else:
@@ -131,9 +185,49 @@ def _explain_one(item: Mapping[str, Any], path: Location, owner: type[BaseModel]
     got = f", got {quote(value)}"
     if not isinstance(value, dict | BaseModel) and not quoted and not item["msg"].endswith(got):
         message += got
+    inner, written = key_at(message)
+    if inner and isinstance(value, Mapping) and inner[0] in value:  # a message of a whole section names a key
+        path, key, message = (*path, *inner), f"{key}.{written}".removeprefix("."), message[len(written) :]
+        return path, f"{key}{message}"
     remedy = f"; {_REMEDIES[name]}" if kind in _REMEDIED and name in _REMEDIES else ""
+    remedy += _meant(kind, name, value, context, unit)
     joint = " " if message.startswith("must ") else ": "
-    return f"{key}{joint}{message}{remedy}".removeprefix(": ")
+    return path, f"{key}{joint}{message}{remedy}".removeprefix(": ")
+
+
+def _meant(kind: str, name: str, value: object, context: Mapping[str, Any], unit: str) -> str:
+    """What a bare number beyond its bound, or a list that is too long, was probably meant to be."""
+    if (
+        kind == "too_long"
+        and isinstance(value, list)
+        and all(isinstance(entry, int | float) for entry in value)
+    ):
+        return "; is a comma a decimal one? Write a point, 9.81"
+    if (
+        kind not in ("less_than", "less_than_equal")
+        or not isinstance(value, int | float)
+        or value > _MOST_MEANT
+    ):
+        return ""
+    if unit == "s" and value >= 1.0:
+        return f"; a number without a unit is in s: is `{value:g} ms` meant?"
+    if name in ("friction", "friction_static", "mu_s", "mu_d") and (said := tangent(float(value))):
+        return f"; {said}"
+    if float(value) <= 100.0 and context.get("lt", context.get("le")) <= 1.0 and name != "nu":
+        return f"; is `{value:g} %` meant?"
+    return ""
+
+
+def _unit(annotation: Any) -> str | None:
+    """The SI unit of the number that a field or an annotation takes; None where it takes none."""
+    inner = [*getattr(annotation, "metadata", ()), *get_args(getattr(annotation, "annotation", annotation))]
+    if get_origin(annotation) is Annotated:
+        inner = [*annotation.__metadata__, annotation.__origin__]
+    for part in inner:
+        found = unit_of(getattr(part, "func", None)) if hasattr(part, "func") else _unit(part)
+        if found is not None:
+            return found
+    return None
 
 
 def _walk(loc: Location, root: type[BaseModel]) -> tuple[Location, type[BaseModel] | None]:

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from pydantic import ValidationError
 
-from romdam.config.explain import Location, explain
+from romdam.config.explain import Location, explain, key_at
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
-from romdam.core.errors import ConfigError, RecordError, quote
+from romdam.core.errors import ConfigError, RecordError, RomdamError, quote
 from romdam.core.html.card import card
 
+Params = ParamSpec("Params")
+Returned = TypeVar("Returned")
 MADE = "the configuration"  # names in messages what comes from no file
 
 
@@ -42,6 +43,7 @@ class Job:
     renamed : a warning for each key or word that stands in it by a name of before
     given : the mapping that it was made of; None where `path` is a file
     base : folder that relative paths start from, where it is not that of `path`
+    replaced : dotted keys whose values stand elsewhere in the file -> where, of the variants of a comparison
     scene_warnings : what its scene, once that is built, may hardly be meant to have
     start : the current folder when the job was made; paths stay as they were typed while it is that
     """
@@ -51,6 +53,7 @@ class Job:
     renamed: tuple[str, ...] = ()
     given: Mapping[str, Any] | None = field(default=None, repr=False)
     base: Path | None = None
+    replaced: Mapping[str, Location] = field(default_factory=dict, repr=False)
     scene_warnings: tuple[str, ...] = ()
     start: Path = field(default_factory=_here, repr=False)
 
@@ -117,8 +120,44 @@ def located(job: Job, error: Exception | None) -> str:
     key = error.key if isinstance(error, RecordError) and job.file.is_file() else ""
     if not key:
         return str(error or "")
-    parts = (int(word) if word.isdigit() else word for word in re.findall(r"[^.\[\]]+", key))
-    return f"{job.path}:{line_of(job.file, tuple(parts))}: {error}"
+    return f"{job.path}:{line_of(job.file, key_at(key)[0])}: {error}"
+
+
+def naming_lines(function: Callable[Params, Returned]) -> Callable[Params, Returned]:
+    """Wrap a function of a job, its first argument: errors name the line of a key of the job's file."""
+
+    @wraps(function)
+    def wrapped(*args: Params.args, **kwargs: Params.kwargs) -> Returned:
+        try:
+            return function(*args, **kwargs)
+        except RomdamError as error:
+            job = args[0] if args else kwargs.get("job")
+            if isinstance(job, str | Path):
+                path, file, replaced = Path(job), Path(job), dict[str, Location]()
+            elif isinstance(job, Job):
+                path, file, replaced = job.path, job.file, dict(job.replaced)
+            else:
+                raise  # a mapping or a Config has no lines
+            if file.is_file():
+                if isinstance(error, RecordError) and error.key and str(error).startswith(error.key):
+                    error.args = (f"{path}: {error}",)
+                rows = (_with_line(row, path, file, replaced) for row in str(error).split("\n"))
+                error.args = ("\n".join(rows), *error.args[1:])
+            raise
+
+    return wrapped
+
+
+def _with_line(message: str, path: Path, file: Path, replaced: Mapping[str, Location]) -> str:
+    """A message that begins with a job's path and a key of it, with the key's line between them."""
+    text = message.removeprefix(f"{path}: ")
+    key, written = key_at(text)
+    if text == message or not key or key[0] not in Config.model_fields:
+        return message
+    dotted = written.replace("[", ".").replace("]", "")
+    changed = [at for name, at in replaced.items() if f"{dotted}.".startswith(f"{name}.")]
+    line = line_of(file, next(iter(changed), key), missing=0)  # 0: joints.base_1, which a gravity dam makes
+    return f"{path}:{line}: {text}" if line else message
 
 
 def load_config(source: Source, folder: str | Path | None = None) -> Job:

@@ -23,6 +23,8 @@ _NAME = r"([A-Za-zµ°]+(\^?-?\d)?|%)"
 _UNIT = re.compile(rf"^(1/)?{_NAME}(\s*[*/ ]\s*{_NAME})*$")
 _BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[1-6])\b")  # "m/s2" means m/s^2
 _DEGREES = re.compile(r"(?:deg|°)([CF])\b")  # no key is a temperature, they are all differences
+_TYPED = str.maketrans("−⁻¹²³⁴⋅·", "--1234**")  # as word processors write signs, exponents and products
+_COMMA = re.compile(r"^\s*([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?!,)(.*)$")
 _LEAST = 1e-20  # in any SI unit: nothing but round-off is as small
 _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; far above, but no overflow
     "m": 1e8,  # coordinates of a national grid are 1e7
@@ -45,6 +47,19 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "degree": 1e4,
 }
 _COMMONLY = {"m/s^2": "g", "m/s": "cm/s", "m": "cm"}  # units that measures of ground motion are stated in
+_SUGGESTED = {  # units that a mistyped one is compared with, of each SI unit
+    "m": ("m", "cm", "mm", "km"),
+    "s": ("s", "ms", "min"),
+    "Hz": ("Hz", "kHz"),
+    "Pa": ("GPa", "MPa", "kPa", "Pa", "N/mm2"),
+    "kg/m^3": ("kg/m3", "t/m3"),
+    "N": ("kN", "MN", "GN", "N"),
+    "kg": ("kg", "t"),
+    "m/s^2": ("g", "m/s2", "cm/s2"),
+    "N/m^3": ("GPa/m", "MPa/m", "N/m3"),
+    "N/m": ("GN/m", "MN/m", "kN/m", "N/m"),
+    "byte": ("GB", "MB"),
+}
 _SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # else pint's way without its ^
 # as pint defines them; without names that would be others than to pint: "rads" is none of "rad", "kt" of "t"
 _COMMON = """
@@ -164,11 +179,18 @@ def _in(unit: str) -> str:
 def _parse(text: str, unit: str) -> float:
     example = _EXAMPLES.get(unit, f"1 {unit}")
     remedy = f'write an SI number or text with a unit, for example "{example}"'
-    match = _NUMBER_AND_UNIT.match(text) if len(text) <= _LONGEST else None
+    match = _NUMBER_AND_UNIT.match(text.translate(_TYPED)) if len(text) <= _LONGEST else None
     if match is None or (match[2] and _UNIT.match(match[2]) is None):
+        if len(text) <= _LONGEST and (comma := _COMMA.match(text)):
+            whole, decimals, rest = comma.groups()
+            remedy = f'the decimal sign is a point: is "{whole}.{decimals}{rest}" meant?'
+            if len(decimals) == 3:  # a comma of thousands, perhaps
+                remedy = f'{remedy[:-1]}, or "{whole}{decimals}{rest}"?'
         raise ValueError(f"cannot read {quote(text)} as a quantity{_in(unit)}; {remedy}")
     if not match[2]:
         return float(match[1])
+    if meant := _meant(match[2], unit):
+        remedy = f'is "{match[1]} {meant}" meant?'
     unit_text = _DEGREES.sub(r"delta_deg\1", _BARE_EXPONENT.sub(r"^\1", match[2]))
     if unit == "m/s^2" and unit_text == "g":
         unit_text = "standard_gravity"  # an acceleration in "g" is never grams
@@ -181,8 +203,35 @@ def _parse(text: str, unit: str) -> float:
         what = f"a quantity in {unit}" if unit else "a number or a part of one"
         if "radian" in roots:  # in place of a frequency in Hz or a ratio
             remedy += "; an angle, or what turns in a second, is to be converted by hand"
+        if not unit and roots == "radian" and (said := tangent(_parse(text, "degree"))):
+            remedy = said
         raise ValueError(f"{quote(text)} is not {what}; {remedy}")
     return float(registry.Quantity(float(match[1]), unit_text).to(unit).magnitude)
+
+
+def _meant(typed: str, unit: str) -> str:
+    """A unit that mistyped text most likely stands for; empty where none is near.
+
+    Text may have letters of the wrong case (Gpa), a prefix without its unit (G), or no length below (GPa for
+    GPa/m).
+    """
+    for suggested in _SUGGESTED.get(unit, ()):
+        plain = typed.replace("^", "").replace(" ", "")
+        if plain != suggested and (
+            plain.lower() == suggested.lower()
+            or plain == suggested.removesuffix("/m")
+            or (plain in "GMk" and suggested.startswith(plain))
+        ):
+            return suggested
+    return ""
+
+
+def tangent(angle: float) -> str:
+    """What a coefficient of friction is where an angle in degrees was written; empty where that is none."""
+    if not 0.0 < angle < 90.0:
+        return ""
+    number = math.tan(math.radians(angle))
+    return f"write {number:.2f} if an angle of friction is meant: tan({angle:g} deg) = {number:.2f}"
 
 
 def _roots(registry: pint.UnitRegistry[Any], unit: str) -> str:

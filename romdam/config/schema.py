@@ -21,8 +21,8 @@ from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
 from romdam.config.texts import meaning, model_docstring
 
-_WITH_UNIT = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*(1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*$"
-_QUANTITY = r"^\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9^*/ -]*)?$"
+_WITH_UNIT = r"^\s*[+−-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*(1/)?[A-Za-zµ°%][A-Za-zµ°%0-9²³⁴⁻¹·⋅^*/ -]*$"
+_QUANTITY = r"^\s*[+−-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*((1/)?[A-Za-zµ°%][A-Za-zµ°%0-9²³⁴⁻¹·⋅^*/ -]*)?$"
 
 
 _UNIT = "unit"  # a word of ours in the schema, which validators pass over

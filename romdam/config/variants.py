@@ -46,7 +46,10 @@ def variant_jobs(job: Job) -> dict[str, Job]:
             _put(changed, path, value, source)
         mapping = None if job.given is None else changed
         config = parse_config(changed, source, folder=job.folder)
-        jobs[name] = replace(job, config=config, renamed=(), given=mapping, scene_warnings=())
+        places = {path: ("comparison", "variants", name, path) for path in changes}
+        jobs[name] = replace(
+            job, config=config, renamed=(), given=mapping, replaced=places, scene_warnings=()
+        )
     return jobs
 
 

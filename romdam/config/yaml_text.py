@@ -20,6 +20,8 @@ from romdam.core.files import check_file
 MOST_BYTES = 1e6
 MOST_VALUES = 100_000  # anchors counted wherever they are used: a few of them can stand for billions
 MOST_LEVELS = 50
+_LONGEST = 200  # characters of the YAML library's own words in a message
+_CLOSING = {"[": "]", "{": "}", '"': '"', "'": "'"}
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {  # tag -> what has it, and the characters that it can begin with; the first that fits counts
@@ -76,8 +78,9 @@ def read_yaml(path: Path) -> object:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
+        line = 1 + error.object.count(b"\n", 0, error.start)
         raise ConfigError(
-            f"{path}: is not text in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8"
+            f"{path}:{line}: is not text in UTF-8 (byte {error.start}: {error.reason}); save it as UTF-8"
         ) from None
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
@@ -92,8 +95,8 @@ def parse_yaml(text: str, source: str) -> object:
     ConfigError
         naming the line.
     """
-    loader = _foreign(lambda: _Loader(text), source)
-    node = _foreign(loader.get_single_node, source)
+    loader = _foreign(lambda: _Loader(text), source, text)
+    node = _foreign(loader.get_single_node, source, text)
     if node is None:
         return None
     values, levels = _measure(node, {}, source)
@@ -103,7 +106,7 @@ def parse_yaml(text: str, source: str) -> object:
                 f"{source}: holds {number:.3g} {what}, at most {limit} are read; is this the file that was "
                 "meant? An anchor (&name) counts wherever it is used (*name)"
             )
-    return _foreign(lambda: loader.construct_document(node), source)
+    return _foreign(lambda: loader.construct_document(node), source, text)
 
 
 def plain(value: Any, source: str, levels: int = MOST_LEVELS) -> object:
@@ -141,9 +144,14 @@ def write_yaml(value: object) -> str:
     return yaml.dump(value, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
-def line_of(path: Path, key: Sequence[int | str]) -> int:
-    """Line, from 1, of a key of a file that has been read; of what it would stand in where it is missing."""
-    node, line = _Loader(path.read_text(encoding="utf-8-sig")).get_single_node(), 1
+def line_of(path: Path, key: Sequence[int | str], missing: int = 1) -> int:
+    """Line, from 1, of a key of a file that has been read; of what it would stand in where it is missing.
+
+    Parameters
+    ----------
+    missing : what a key has of whose sections not even the first is in the file
+    """
+    node, line = _Loader(path.read_text(encoding="utf-8-sig")).get_single_node(), missing
     for word in key:
         entries = node.value if isinstance(node, yaml.MappingNode) else ()
         below = {name.value: (name, value) for name, value in entries}
@@ -156,12 +164,12 @@ def line_of(path: Path, key: Sequence[int | str]) -> int:
     return line
 
 
-def _foreign(call: Callable[[], Value], source: str) -> Value:
+def _foreign(call: Callable[[], Value], source: str, text: str) -> Value:
     """Return what the YAML library does, its errors as one line."""
     try:
         return call()
     except yaml.MarkedYAMLError as error:
-        raise _wrong(error.problem_mark or error.context_mark, error.problem or "", source) from None
+        raise _syntax_error(error, text, source) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested deeper than {MOST_LEVELS} levels; is this the file?") from None
     except Exception as error:  # the parser's own, for text that it did not expect
@@ -170,8 +178,40 @@ def _foreign(call: Callable[[], Value], source: str) -> Value:
 
 def _wrong(mark: yaml.Mark | None, problem: str, source: str) -> ConfigError:
     """The error of a mistake at a mark of the text."""
-    position = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-    return ConfigError(f"{source}: not valid YAML{position}: {problem[:200]}")
+    position = f":{mark.line + 1}" if mark else ""
+    column = f" at column {mark.column + 1}" if mark else ""
+    return ConfigError(f"{source}{position}: not valid YAML{column}: {problem}")
+
+
+def _syntax_error(error: yaml.MarkedYAMLError, text: str, source: str) -> ConfigError:
+    """The error of the YAML library at the line that is to be mended, with what was probably meant there."""
+    mark, problem = error.problem_mark or error.context_mark, (error.problem or "")[:_LONGEST]
+    if mark is None:
+        return _wrong(None, problem, source)
+    rows = text.splitlines()
+    here = rows[mark.line] if mark.line < len(rows) else ""
+    before = next((k for k in range(mark.line - 1, -1, -1) if rows[k].strip()), mark.line)
+    context = error.context_mark
+    if "\t" in here[: len(here) - len(here.lstrip())]:
+        problem = "the line is indented with a tab; use blanks"
+    elif context is not None and "flow" in (error.context or ""):
+        mark, sign = context, rows[context.line][context.column]
+        problem = f"the {sign} has no {_CLOSING.get(sign, sign)}; close it, and put , between its entries"
+    elif "could not find expected ':'" in problem:
+        at = before if context is None else context.line
+        row, mark = rows[at].strip(), context or mark
+        key = re.match(r"([\w-]+)\s*[:=]\s*(.*)", row)
+        problem = f"{quote(row)} is no key with a value; write `key: value`, with a blank after the colon"
+        if key is not None:
+            problem = f"{quote(row)} is no key with a value; write `{key[1]}: {key[2]}`"
+    elif "escape" in problem:
+        problem += "; put a path with \\ in single quotes, or write / instead"
+    elif "block" in problem or "mapping values are not allowed" in problem:
+        problem = (
+            f"{quote(here.strip())} does not go on from line {before + 1}; begin the keys of one section in "
+            "the same column, those below a key further right, and put text with `: ` in quotes"
+        )
+    return _wrong(mark, problem, source)
 
 
 def _measure(node: yaml.Node, known: dict[int, tuple[int, int]], source: str) -> tuple[int, int]:

@@ -22,7 +22,7 @@ MISTAKES = [
     ((*CONCRETE, "nuu"), 0.2, ["materials.concrete.nuu is not a known key", "did you mean 'nu'?"]),
     ((*CONCRETE, "E"), DELETE, ["materials.concrete.E is missing", "E: 30 GPa"]),
     (("transient",), DELETE, ["transient is missing", "transient: {finest_step: 2.5 ms}"]),
-    ((*CONCRETE, "E"), "30 GPA", ["materials.concrete.E", "'30 GPA'", "unknown unit", '"1 Pa"']),
+    ((*CONCRETE, "E"), "30 GPA", ["materials.concrete.E", "'30 GPA'", "unknown unit", 'is "30 GPa" meant?']),
     ((*CONCRETE, "E"), "30 kg", ["materials.concrete.E", "'30 kg' is not a quantity in Pa"]),
     ((*CONCRETE, "nu"), 0.5, ["materials.concrete.nu must be less than 0.5, got 0.5", "0.18"]),
     ((*CONCRETE, "rho"), -2400, ["materials.concrete.rho must be greater than 0, got -2400", "2400 kg/m3"]),
@@ -47,8 +47,8 @@ MISTAKES = [
     ),
     ((*JOINT, "normal_stiffness"), {"per_gap": "3 kg"}, ["normal_stiffness.per_gap: '3 kg' is not"]),
     ((*JOINT, "friction"), 0.6, ["joints.contraction: friction 0.6 needs `shear_stiffness`", "or set"]),
-    ((*JOINT, "friction"), -0.6, ["friction[0] must be at least 0, got -0.6"]),
-    ((*JOINT, "friction_static"), -0.1, ["friction_static[0] must be at least 0, got -0.1"]),
+    ((*JOINT, "friction"), -0.6, ["friction must be at least 0, got -0.6"]),
+    ((*JOINT, "friction_static"), -0.1, ["friction_static must be at least 0, got -0.1"]),
     ((*JOINT, "cohesion"), "1 MPa", ["`cohesion` needs `shear_stiffness`", "give it"]),
     ((*JOINT, "cohesion"), "1 kg", ["joints.contraction.cohesion: '1 kg' is not a quantity in Pa"]),
     ((*JOINT, "tensile_strength"), -1, ["tensile_strength must be at least 0, got -1"]),
@@ -172,7 +172,7 @@ def test_missing_file_and_bad_yaml_are_named(tmp_path):
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such file"):
         load_config(tmp_path / "nowhere.yaml")
     (tmp_path / "bad.yaml").write_text("a: [1, 2")
-    with pytest.raises(ConfigError, match=r"bad\.yaml: not valid YAML"):
+    with pytest.raises(ConfigError, match=r"bad\.yaml:\d+: not valid YAML"):
         load_config(tmp_path / "bad.yaml")
 
 

@@ -1,6 +1,7 @@
 """YAML as a person means it: scalars that surprise nobody, and one line for what is refused."""
 
 import os
+import re
 import time
 
 import pytest
@@ -52,37 +53,37 @@ def test_scalars(text, meant):
         ("a: " + "[" * 60 + "]" * 60, ["levels, at most 50"]),
         (
             "a: !!python/object/apply:os.getcwd []",
-            ["line 1, column 4", "!!python/object/apply", "leave it out"],
+            ["dam.yaml:1: not valid YAML at column 4", "!!python/object/apply", "leave it out"],
         ),
         ("a: !mine 3", ["'!mine'"]),
         ("a: !!timestamp 2001-13-45", ["!!timestamp"]),
         ("a: " + "9" * 5000, ["not valid YAML"]),
-        ('a: "\\0"', ["line 1", "control character '\\x00'"]),
+        ('a: "\\0"', ["dam.yaml:1: ", "control character '\\x00'"]),
         ('a: "\\ud800"', ["control character"]),
         ('a: "\\UFFFFFFFF"', ["not valid YAML"]),
         ("a: \x01", ["not valid YAML"]),
         ("1: x", ["a key must be text, got '1'; put it in quotes"]),
         ("true: x", ["a key must be text"]),
         ("? [a, b]\n: x", ["a key must be text, got a list or mapping"]),
-        ("a: 1\nb: 2\na: 3", ["line 3, column 1", "key 'a' is given twice"]),
-        ("a: [1, 2", ["line 1", "expected ',' or ']'"]),
+        ("a: 1\nb: 2\na: 3", ["dam.yaml:3: not valid YAML at column 1", "key 'a' is given twice"]),
+        ("a: [1, 2", ["dam.yaml:1: ", "the [ has no ]; close it"]),
         ("a: *nowhere", ["undefined alias"]),
-        ("a: 1\n---\nb: 2", ["line 2"]),
-        ("\ta: 1", ["line 1", "cannot start any token"]),
+        ("a: 1\n---\nb: 2", ["dam.yaml:2: "]),
+        ("\ta: 1", ["dam.yaml:1: ", "indented with a tab; use blanks"]),
     ],
 )
 def test_what_is_refused_is_one_line(text, parts):
     with pytest.raises(ConfigError) as caught:
         parse_yaml(text, "dam.yaml")
     message = str(caught.value)
-    assert message.startswith("dam.yaml: ") and "\n" not in message and len(message) < 400
+    assert re.match(r"dam\.yaml(:\d+)?: ", message) and "\n" not in message and len(message) < 400
     assert all(part in message for part in parts), message
 
 
 def test_parsing_ends_where_a_file_has_more_values_than_can_be_meant(monkeypatch):
     monkeypatch.setattr(yaml_text, "MOST_VALUES", 1000)
     assert len(parse_yaml(f"[{'1, ' * 998}1]", "x")) == 999
-    with pytest.raises(ConfigError, match=r"x: not valid YAML, line 1, column \d+: more than 1000 values"):
+    with pytest.raises(ConfigError, match=r"x:1: not valid YAML at column \d+: more than 1000 values"):
         parse_yaml("[" + "1, " * 1000 + "[" * 10**5, "x")
 
 

@@ -139,7 +139,7 @@ def wrapped(values, width):
 def test_a_wrapped_series_is_read_by_a_key_that_says_so(tmp_path, width, count):
     entry = {"dt": samples.DT, "unit": "m/s2"}
     text = wrapped(ACC[:count], width)
-    with pytest.raises(RecordError, match=r"`layout: series`|2 numbers|1 numbers"):
+    with pytest.raises(RecordError, match=r"`layout: series`|2 numbers|1 number"):
         load(tmp_path, text, **entry)
     (motion,) = load(tmp_path, text, **entry, layout="series")
     np.testing.assert_allclose(motion.acc[1], ACC[:count], atol=1e-7)
@@ -205,7 +205,7 @@ def test_what_is_refused_names_the_key_that_helps(tmp_path):
         load(tmp_path, HEADER + table(ACC / G), dt=samples.DT)
     with pytest.raises(RecordError, match=r"column 1 rises evenly by 0\.005: give `time_column: 1`"):
         load(tmp_path, table(TIME, ACC), unit="g")
-    with pytest.raises(RecordError, match=r"line 3: 1 numbers, the rows above have 2"):
+    with pytest.raises(RecordError, match=r"line 3: 1 number, the rows above have 2"):
         load(tmp_path, "0.0,1.0\n0.1,2.0\n0.2,\n0.3,4.0\n", time_column=1, unit="g")
     at2(tmp_path, "a.AT2")
     entry = {"file": "a.AT2", "layout": "series", "components": {"y": 1}}

@@ -177,7 +177,7 @@ def read_columns(
             if step := _rises(table.values[:, i]):
                 remedy = f"column {i + 1} rises evenly by {step:g}: give `time_column: {i + 1}`, or `dt`"
                 break
-        raise text.fail(0, f"plain text does not say its interval; {remedy}")
+        raise text.fail(0, f"plain text does not say its interval; {remedy}", "dt")
     left, warnings = _not_channels(text, table, dt, time_column)
     if layout.layout is None and time_column is None and not left:
         _refuse_wrapped(text, table)
@@ -287,7 +287,8 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
                 f"{len(row)} numbers, all rows above have {width}: one series written {width} in a row? Then "
                 "declare `layout: series`; else the file is cut short",
             )
-        raise text.fail(index, f"{len(row)} numbers, the rows above have {width}")
+        numbers = "1 number" if len(row) == 1 else f"{len(row)} numbers"
+        raise text.fail(index, f"{numbers}, the rows above have {width}; mend or remove the row")
     if series:
         values = np.array([value for _, row in rows for value in row])[:, None]
         return _Table(values, {}, tuple(comments), first, last, False, warnings)
@@ -316,7 +317,9 @@ def _column_names(
     if header is not None:
         line = text.head(header)
         if any(_NUMERIC.match(word) for word in _split(line, delimiter)):
-            raise text.fail(header, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}")
+            raise text.fail(
+                header, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}; mend or remove it"
+            )
         names = _parse_names(line, delimiter, width)
         if names or not _BRACKETS.search(line):
             return names, ()

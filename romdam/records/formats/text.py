@@ -6,9 +6,11 @@ What a file says of its data, unit, peak and length, is held against them.
 from __future__ import annotations
 
 import codecs
+import difflib
 import math
 import os
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -83,9 +85,9 @@ class TextFile:
         """The part of line `index` that a header can fill; patterns need not search megabytes."""
         return self.line(index)[:WIDE]
 
-    def fail(self, index: int, message: str) -> RecordError:
-        """Return an error that names line `index` (from 0)."""
-        return RecordError(f"{self.path}: line {index + 1}: {message}")
+    def fail(self, index: int, message: str, key: str = "") -> RecordError:
+        """Return an error that names line `index` (from 0), and the key of the entry that is to be mended."""
+        return RecordError(f"{self.path}: line {index + 1}: {message}", key)
 
     def integer(self, text: str, index: int, name: str) -> int:
         """Read one whole number of the header, without what else int() takes: 1_000, digits beyond ASCII."""
@@ -113,7 +115,7 @@ class TextFile:
             return _number(word)
         except ValueError:
             line = self.lines[index].strip()[:60]
-            raise self.fail(index, f"not a row of numbers: {line!r}") from None
+            raise self.fail(index, f"not a row of numbers: {line!r}; mend or remove it") from None
 
     def table(self, index: int, count: int, per_row: int, width: int) -> NDArray[np.float64]:
         """Read `count` finite numbers of a header table."""
@@ -234,8 +236,13 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
         for what is no ordinary file, larger than 200 MB, empty, packed, or an office document.
     """
     if not os.path.exists(path):  # false also for names that no file can have
-        location = str(path).replace("\0", "\\0")
-        raise RecordError(f"{location}: cannot be read (No such file or directory)")
+        location, near, folder = str(path).replace("\0", "\\0"), list[str](), path.parent
+        with suppress(OSError, ValueError):
+            near = difflib.get_close_matches(
+                path.name, [file.name for file in folder.iterdir()], n=3, cutoff=0.5
+            )
+        remedy = f"; near it is {', '.join(near)}" if near else "; check the path"
+        raise RecordError(f"{location}: cannot be read (No such file or directory){remedy}")
     check_file(path, MAX_BYTES, RecordError)
     try:
         with path.open("rb") as file:
