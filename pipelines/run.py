@@ -30,6 +30,7 @@ from romdam.core.errors import (
 from romdam.core.files import Unkept, prepare_folder
 from romdam.core.html.card import card
 from romdam.core.motion import GroundMotion
+from romdam.core.printable import one_line
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import cpu_time, in_background, one_thread
@@ -72,7 +73,10 @@ _PLOTS = "romdam.visual.plots"
 _OTHERS = {"suite": "run_suite", "comparison": "compare"}  # what runs a pipeline of several runs
 
 
-@dataclass(frozen=True)
+_SHOWN = 8  # results and failures that the repr of an outcome names
+
+
+@dataclass(frozen=True, repr=False)
 class Outcome:
     """Files that a run wrote, and the records that failed.
 
@@ -108,8 +112,15 @@ class Outcome:
             _open_as_written(path, *written) for path, written in zip(self.paths, self.written, strict=True)
         )
 
+    def __repr__(self) -> str:
+        shown = [f"{result.record} (peak opening: {result.opening_text})" for result in self.unkept]
+        shown += [str(path) for path in self.paths]
+        shown += [f"{name} failed: {message}" for name, message in self.failures.items()]
+        more = f"; and {len(shown) - _SHOWN} more" if len(shown) > _SHOWN else ""
+        return one_line(f"Outcome({'; '.join(shown[:_SHOWN])}{more})")
+
     def _repr_html_(self) -> str:
-        records = {result.record: result.peaks for result in self.results}
+        records = {result.record: result.opening_text for result in self.results}
         kind = f"Outcome, {len(self.results)} results, {len(self.failures)} records failed"
         title = self.results[0].dataset.attrs["title"] if self.results else "nothing was run"
         return card(str(title), kind, records | self.failures)

@@ -58,23 +58,26 @@ def watched(
     ------
     to be called with the number of runs and the key of each task that has ended
     """
-    finished, ended = [0], threading.Event()
+    finished, noted, ended, lock = [0], dict[str, float](), threading.Event(), threading.Lock()
 
     def tell() -> None:
-        noted = 0.0
         for path in folder.iterdir():
             with suppress(OSError, ValueError):  # it is being written, or has just ended
-                noted += float(path.read_text())
-        progress(min(round(STEPS * (finished[0] + noted)), STEPS * runs), STEPS * runs)
+                noted[path.name] = max(noted.get(path.name, 0.0), float(path.read_text()))
+        done = finished[0] + sum(noted.values())
+        progress(min(round(STEPS * done), STEPS * runs), STEPS * runs)
 
     def watch() -> None:
         while not ended.wait(_EVERY):
-            tell()
+            with lock:
+                tell()
 
     def end_task(count: int, key: str) -> None:
-        (folder / key).unlink(missing_ok=True)
-        finished[0] += count
-        tell()
+        with lock:
+            (folder / key).unlink(missing_ok=True)
+            noted.pop(key, None)
+            finished[0] += count
+            tell()
 
     watcher = threading.Thread(target=watch, daemon=True)
     watcher.start()

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +37,9 @@ class Motion(StrEnum):
     FREE_FIELD_TRACTION = "traction on the lower end of a column of rock"
 
 
+_ACCELERATIONS = {"m/s2": 1.0, "cm/s2": 0.01, "mm/s2": 1e-3, "gal": 0.01, "g": 9.80665}  # in m/s2
+_UNITS = re.compile(r"([0-9.]+(?:e[+-]?[0-9]+)?)?\s*([A-Za-z]+(?:/s2)?)")
+_UNEVEN = 1e-3  # of a step: times printed with few digits are as far off
 MOST_SAMPLES = 20_000_000  # of a motion: 5 hours at 1 ms, 500 MB for its three components
 
 
@@ -62,7 +66,13 @@ class GroundMotion:
 
     @classmethod
     def from_arrays(
-        cls, name: str, acc: ArrayLike | Mapping[str, ArrayLike], dt: float, *, place: str = "arrays"
+        cls,
+        name: str,
+        acc: ArrayLike | Mapping[str, ArrayLike] | xr.DataArray,
+        dt: float | None = None,
+        *,
+        units: str | None = None,
+        place: str = "arrays",
     ) -> Self:
         """Make a ground motion from arrays.
 
@@ -70,19 +80,25 @@ class GroundMotion:
         ----------
         name : of the motion; the result's
         acc : (3, nt) ground acceleration along x, y, z; or name of the axis -> (nt,), those not named are
-            zero [m/s2]
-        dt : sampling interval [s]
+            zero; or a DataArray over component (any of x, y, z) and time [units]
+        dt : sampling interval [s]; that of a DataArray's coordinate `time` if not given
+        units : of acc, such as "g", "cm/s2" or "9.81 m/s2"; a DataArray's own, else m/s2, if not given
         place : names it in errors, and in the results' account of where their record is from
 
         Raises
         ------
         RecordError
-            for another shape, values that are not finite, fewer than two samples or too many, and a step that
-            is not above zero.
+            for another shape, values that are not finite, fewer than two samples or too many, an unknown
+            unit, times that are not even, and a step that is missing or not above zero.
         """
         if not isinstance(name, str) or not name:
             raise RecordError(f"{place}: a motion's name is text, got {quote(name)}")
         where = f"{place}, {name}"
+        if not isinstance(acc, Mapping) and hasattr(acc, "coords") and hasattr(acc, "dims"):
+            acc, dt, units = _of_data_array(acc, dt, units, where)
+        if dt is None:
+            raise RecordError(f"{where}: dt is missing; give the sampling interval, such as dt=0.01")
+        factor = _in_si(units or "m/s2", where)
         if isinstance(acc, Mapping):
             if not acc or any(name not in AXES for name in acc):
                 raise RecordError(f"{where}: acc has components {quote(list(acc))}, known are x, y and z")
@@ -109,8 +125,58 @@ class GroundMotion:
             raise RecordError(
                 f"{where}: component {AXES[axis]} is {values[axis, sample]} at sample {sample}; fill it"
             )
-        motion = cls(name, values, float(step))
+        motion = cls(name, factor * values, float(step))
         motion.provenance.update({"place": place} | motion.provenance_of_arrays)
+        return motion
+
+    @classmethod
+    def from_stream(
+        cls, stream: Any, components: Mapping[str, str], *, units: str, name: str | None = None
+    ) -> Self:
+        """Make a ground motion from an ObsPy Stream or Trace.
+
+        Parameters
+        ----------
+        stream : of accelerations: one trace for each component, with the same start, interval and length
+        components : axis of the model -> channel code, such as {"x": "HNE", "y": "HNN"}, or a trace's id;
+            axes not named are zero
+        units : of the samples, such as "m/s2", "cm/s2" or "4.7e-6 m/s2"
+        name : of the motion; network and station of the first trace if not given
+
+        Raises
+        ------
+        RecordError
+            for a channel that is not there or has several traces, traces that do not fit together, and as
+            `from_arrays` does.
+        """
+        traces = [stream] if hasattr(stream, "stats") else list(stream)
+        known = ", ".join(str(trace.id) for trace in traces) or "none"
+        chosen = {}
+        for axis, code in components.items():
+            found = [trace for trace in traces if code in (trace.id, trace.stats.channel)]
+            if len(found) != 1:
+                remedy = "merge or select them first" if found else f"its traces are {known}"
+                raise RecordError(f"stream: {len(found)} traces are of channel {code!r}, limit 1; {remedy}")
+            chosen[axis] = found[0]
+        if not chosen:
+            raise RecordError(f'stream: components is empty; give {{"x": channel}}, its traces are {known}')
+        first, *others = chosen.values()
+        begin, step, count = first.stats.starttime, float(first.stats.delta), first.stats.npts
+        for trace in others:
+            late = abs(float(trace.stats.starttime - begin))
+            if late > 0.5 * step or trace.stats.npts != count or float(trace.stats.delta) != step:
+                raise RecordError(
+                    f"stream: {first.id} and {trace.id} do not fit together: {count} and {trace.stats.npts} "
+                    f"samples of {step:g} and {trace.stats.delta:g} s, {late:g} s apart, limit half a "
+                    "sample; trim and resample them first"
+                )
+        named = (
+            name or ".".join(word for word in (first.stats.network, first.stats.station) if word) or "stream"
+        )
+        arrays = {axis: trace.data for axis, trace in chosen.items()}
+        motion = cls.from_arrays(named, arrays, step, units=units, place="stream")
+        channels = {axis: str(trace.id) for axis, trace in chosen.items()}
+        motion.provenance.update(channels=channels, start=str(begin), unit=units)
         return motion
 
     @property
@@ -175,6 +241,53 @@ class GroundMotion:
     def peak(self) -> float:
         """Largest acceleration of a component [m/s2]."""
         return float(np.abs(self.acc).max())
+
+
+def _in_si(units: str, where: str) -> float:
+    """One unit of acceleration in m/s2."""
+    plain = re.sub(r"\s*(\^|\*\*)\s*|\s+(?=-2$)", "", units.strip().translate({0xB2: "2"}))
+    match = _UNITS.fullmatch(plain.replace("s-2", "s2").replace(" s2", "/s2"))
+    unit = _ACCELERATIONS.get(match[2].lower() if match and match[2] != "G" else "") if match else None
+    if match is None or unit is None or not (factor := float(match[1] or 1.0) * unit) > 0.0:
+        known = ", ".join(_ACCELERATIONS)
+        raise RecordError(
+            f"{where}: units {quote(units)} is no acceleration; known are {known}, or 9.81 m/s2"
+        )
+    return factor
+
+
+def _of_data_array(
+    acc: Any, dt: float | None, units: str | None, where: str
+) -> tuple[dict[str, Any], float, str | None]:
+    """Components, interval [s] and units of a DataArray over time and, if it has several, component."""
+    if "time" not in acc.dims or acc.ndim > 2 or (acc.ndim == 2 and "component" not in acc.coords):
+        raise RecordError(
+            f"{where}: a DataArray has the dimensions component, with names, and time, got {acc.dims}"
+        )
+    if acc.ndim == 1 and "component" not in acc.coords:
+        raise RecordError(f'{where}: the DataArray names no component; give {{"x": array}}, with dt')
+    times = np.asarray(acc["time"].values) if "time" in acc.coords else None
+    if times is not None and times.dtype.kind in "mM":
+        times = (times - times[0]) / np.timedelta64(1, "s")
+    if times is not None and len(times) > 1:
+        times = _numbers(times, f"{where}, time")
+        step = float(times[-1] - times[0]) / (len(times) - 1)
+        off = np.abs(np.diff(times) - step).max()
+        if not off <= _UNEVEN * step:
+            raise RecordError(
+                f"{where}: time is not even: steps are {off:.3g} s off {step:.6g} s; resample it"
+            )
+        if dt is not None and abs(dt - step) > _UNEVEN * step:
+            raise RecordError(
+                f"{where}: dt is {dt:g} s, and the coordinate time has {step:g} s; leave dt out"
+            )
+        dt = step if dt is None else dt
+    if dt is None:
+        raise RecordError(f"{where}: the DataArray has no coordinate time; give dt")
+    rows = acc.transpose("component", "time") if acc.ndim == 2 else acc.expand_dims("component")
+    names = [str(name) for name in rows["component"].values]
+    stated = acc.attrs.get("units")
+    return dict(zip(names, rows.values, strict=True)), dt, units or (str(stated) if stated else None)
 
 
 def _numbers(values: ArrayLike, where: str) -> Floats:

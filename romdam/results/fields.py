@@ -29,6 +29,7 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.files import Unkept
 from romdam.core.html.card import card
+from romdam.core.printable import one_line
 from romdam.core.scene import Block, Scene
 from romdam.postprocess.record_measures import peak_text, stated_warnings
 from romdam.postprocess.stress.summary import COMPONENTS
@@ -174,7 +175,8 @@ class Result:
 
     def __repr__(self) -> str:
         attrs = self.dataset.attrs
-        return f"Result({self._location!r}): {attrs['title']}, record {attrs['record']}"
+        name = f"{attrs['title']}, record {attrs['record']}"
+        return one_line(f"Result({self._location!r}): {name}; peak opening: {self.opening_text}")
 
     def _repr_html_(self) -> str:
         attrs = self.dataset.attrs
@@ -182,7 +184,7 @@ class Result:
         rows = {
             "record": f"dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
             "run": f"{seconds:.4g} s, {attrs['model_order']} order, {attrs['integrator']}",
-            "peak opening": self.peaks,
+            "peak opening": self.opening_text,
             "error": "; ".join(str(attrs[name]) for name in _ERROR_STATEMENTS if name in attrs),
             "warnings": "; ".join(stated_warnings(attrs)),
             "file": self._location,
@@ -195,7 +197,20 @@ class Result:
         return str(self.dataset.attrs["record"])
 
     @property
-    def peaks(self) -> str:
+    def peaks(self) -> xr.Dataset:
+        """Largest values of the run, in memory, over joint: peak_opening [m], peak_slip [m] and the others.
+
+        `peaks.to_dataframe()` is a table of them.
+        """
+        names = [
+            name
+            for name, values in self.dataset.data_vars.items()
+            if str(name).startswith("peak_") and values.dims == ("joint",)
+        ]
+        return self.dataset[names].load()
+
+    @property
+    def opening_text(self) -> str:
         """The peak openings of at most `_SHOWN_JOINTS` joints as a text, the largest first."""
         if "peak_opening" not in self.dataset:
             return "no joints"
