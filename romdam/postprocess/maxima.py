@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Floats
+from romdam.core.round_off import NOTHING, ROUND_OFF
 from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
-ROUND_OFF = 1e-8  # of the largest value of its unit, below which a value is round-off
 INSTANT = "one instant"
 BELOW = "below"
 AS_DISPLACEMENT = "as the displacement"
@@ -52,7 +52,7 @@ def maxima(dataset: xr.Dataset) -> list[Row]:
     rows = []
     for row in stated:
         same_unit = [abs(r.value) for r in stated if r.unit == row.unit and r.value == r.value]
-        least = ROUND_OFF * max(same_unit, default=0.0)
+        least = max(ROUND_OFF * max(same_unit, default=0.0), NOTHING)
         if 0.0 < abs(row.value) < least:
             rows.append(row._replace(value=0.0, when="", note=f"{BELOW} {least:.1g} {row.unit}"))
         else:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.core.round_off import without_round_off
 from romdam.core.system import OPEN, SLIP, STICK
 
 if TYPE_CHECKING:  # workers write no file
@@ -188,8 +189,10 @@ def sliding_rows(dataset: xr.Dataset) -> list[Row]:
         if not np.isnan(joint.factor):
             factor = (f"{joint.factor:.4g}", f"{joint.factor_time:.3f}")
         times = (f"{joint.sliding_time:.3g}", f"{joint.open_time:.3g}")
-        lengths = (joint.residual_slip, joint.largest_slip, *joint.residual)
-        thousandths = (f"{1e3 * value:.4g}" for value in (*lengths, joint.rotation, joint.cumulative_slip))
+        lengths = (joint.residual_slip, joint.largest_slip, *joint.residual, joint.cumulative_slip)
+        *shown, path = without_round_off(lengths)
+        rotation = float(without_round_off([joint.rotation])[0])
+        thousandths = (f"{1e3 * value:.4g}" for value in (*shown, rotation, path))
         block_I, block_J = joint.blocks
         rows.append((joint.joint, block_J, block_I, joint.verdict, *factor, *times, *thousandths))
     return rows

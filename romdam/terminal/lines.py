@@ -182,10 +182,13 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
 
 def _water_lines(dataset: xr.Dataset) -> list[str]:
     """Resultants of the water in joints, and what the joints carry beside it in the first row."""
+    from romdam.core.round_off import without_round_off
+
     lines = []
     for joint in dataset.joint.values if "water_force" in dataset else ():
-        x, y, z = 1e-6 * dataset.water_force.sel(joint=joint).values
-        carried = 1e-6 * float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
+        carried = float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
+        water = dataset.water_force.sel(joint=joint).values
+        x, y, z, carried = 1e-6 * without_round_off([*water, carried])
         block = str(dataset.joint_blocks.sel(joint=joint).values[1])
         lines.append(
             f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "

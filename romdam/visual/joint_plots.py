@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from romdam.core.round_off import without_round_off
 from romdam.core.system import SLIP
 from romdam.postprocess.sliding import mean_slip
 from romdam.visual.style import (
@@ -21,7 +25,10 @@ from romdam.visual.style import (
     scaled,
 )
 
-_SHOWN = (0.8, 20.0)  # factors of safety
+_SHOWN_FACTOR = 20.0  # of safety: beyond, a joint is far from sliding
+_COLUMNS = 5  # of a legend within a panel
+_WIDEST, _NARROWEST = 1.8, 0.8  # points of lines, those behind the wider ones
+_LEGEND = 0.15  # of a panel's height, for each row of its legend
 _MOVES = 0.02  # of the largest component, below which one is not drawn
 
 
@@ -33,11 +40,14 @@ def component_panels(
         name: (vectors * xr.DataArray(axis, dims="component")).sum("component")
         for name, axis in directions(dataset).items()
     }
+    _, factor, unit = scaled(
+        xr.concat(along.values(), "along"), "m"
+    )  # one unit, so that panels can be compared
     least = _MOVES * max(float(abs(values).max()) for values in along.values())
     moving = {name: values for name, values in along.items() if float(abs(values).max()) > least}
     figure, axes = new_figure(rows=max(1, len(moving)), height=2.3)
     for ax, (name, component) in zip(axes, moving.items(), strict=False):
-        values, _, unit = scaled(component, "m")
+        values = component * factor
         for k, joint in enumerate(values[dim].values):
             colour, ls = COLOURS[k % len(COLOURS)], LINES[k // len(COLOURS) % len(LINES)]
             ax.plot(values.time, values.sel({dim: joint}), color=colour, ls=ls, lw=0.9, label=str(joint))
@@ -85,23 +95,54 @@ def joint_slip(dataset: xr.Dataset) -> Figure | None:
     )
 
 
+def joints_of_kinds(names: Iterable[str]) -> dict[str, list[str]]:
+    """Kind -> names of its joints: base_1 and base_2 are of the kind base; no number, its own."""
+    kinds = dict[str, list[str]]()
+    for name in names:
+        kinds.setdefault(re.split(r"[_\W]?\d", name)[0] or name, []).append(name)
+    return kinds
+
+
 def sliding_histories(dataset: xr.Dataset) -> Figure | None:
-    """Factor of safety against sliding, and slip of block J over block I since the start, of every joint."""
+    """Factor of safety against sliding, and slip of block J over block I since the start.
+
+    A pair of panels for each kind of joint, those of one unit: base_1, base_2, ... are of the kind base.
+    """
     if "sliding_safety_factor" not in dataset:
         return None
-    figure, axes = new_figure(rows=2, height=2.4)
+    kinds = joints_of_kinds(map(str, dataset.joint.values))
+    figure, axes = new_figure(rows=2 * len(kinds), height=2.4 if len(kinds) == 1 else 1.9)
     slip, _, unit = scaled(mean_slip(dataset), "m")
-    for k, name in enumerate(dataset.joint.values):
-        colour, ls = COLOURS[k % len(COLOURS)], LINES[k // len(COLOURS) % len(LINES)]
-        axes[0].plot(dataset.time, dataset.sliding_safety_factor.sel(joint=name), color=colour, ls=ls, lw=0.8)
-        axes[1].plot(dataset.time, slip.sel(joint=name), color=colour, ls=ls, lw=0.9, label=str(name))
-    axes[0].axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=0)
-    label = f"factor of safety against\nsliding, shown up to {_SHOWN[1]:g}"
-    axes[0].set(yscale="log", ylim=_SHOWN, ylabel=label)
-    axes[0].set_yticks([1, 2, 3, 5, 10, 20], ["1", "2", "3", "5", "10", "20"])
-    axes[1].set_ylabel(f"slip along the joint\n[{unit}]")
-    legend_below(figure, axes)
-    return finish(figure, axes, dataset, "Sliding")
+    factors = dataset.sliding_safety_factor
+    known = factors.values[np.isfinite(factors.values)]
+    lowest = float(known.min(initial=1.0))
+    # of the factors that are there, as far as they matter
+    top = float(np.clip(1.1 * known.max(initial=1.0), 2.0, _SHOWN_FACTOR))
+    ticks = [tick for tick in (0.5, 1, 2, 3, 5, 10, 20) if 0.8 * lowest < tick <= top]
+    for row, (kind, names) in enumerate(kinds.items()):
+        safety, moved = axes[2 * row : 2 * row + 2]
+        for k, name in enumerate(names):
+            colour, ls = COLOURS[k % len(COLOURS)], LINES[k % len(LINES)]
+            width = _WIDEST - k * (_WIDEST - _NARROWEST) / max(
+                len(names) - 1, 1
+            )  # mirrored joints move alike
+            safety.plot(dataset.time, factors.sel(joint=name), color=colour, ls=ls, lw=width)
+            moved.plot(dataset.time, slip.sel(joint=name), color=colour, ls=ls, lw=width, label=name)
+        safety.axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=0)
+        safety.set(yscale="log", ylim=(0.8 * min(lowest, 1.0), top), ylabel=f"{kind}\nfactor of safety")
+        safety.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        safety.minorticks_off()
+        moved.set_ylabel(f"{kind}\nslip [{unit}]")
+        if len(kinds) > 1:
+            rows = -(-len(names) // _COLUMNS)
+            moved.margins(y=0.0)
+            low, high = moved.get_ylim()
+            moved.set_ylim(low - 0.05 * (high - low), high + (0.05 + _LEGEND * rows) * (high - low))
+            moved.legend(loc="upper left", ncols=_COLUMNS)
+    if len(kinds) == 1:
+        legend_below(figure, axes)
+    shown = f", factors up to {top:g}" if known.max(initial=1.0) > top else ""
+    return finish(figure, axes, dataset, f"Sliding, along the joint{shown}")
 
 
 def dissipated_energies(dataset: xr.Dataset) -> Figure | None:
@@ -111,10 +152,11 @@ def dissipated_energies(dataset: xr.Dataset) -> Figure | None:
     gaps, joints = dataset.dissipated_energy, dataset.gap_joint.values
     totals = xr.concat([gaps[:, joints == name].sum("gap") for name in dataset.joint.values], "joint")
     values, _, unit = scaled(totals.assign_attrs(gaps.attrs), "J")
+    last = without_round_off(values[:, -1])
     figure, axes = new_figure(rows=1, height=2.6)
     for rank, k in enumerate(np.argsort(-values[:, -1].values, kind="stable")):
         colour, ls = COLOURS[rank % len(COLOURS)], LINES[rank // len(COLOURS) % len(LINES)]
-        label = f"{dataset.joint.values[k]}, {float(values[k, -1]):.3g} {unit}"
+        label = f"{dataset.joint.values[k]}, {last[k]:.3g} {unit}"
         axes[0].plot(dataset.time, values[k], color=colour, ls=ls, lw=0.9, label=label)
     axes[0].set_ylabel(f"dissipated energy\n[{unit}]")
     legend_below(figure, axes)

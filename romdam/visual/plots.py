@@ -18,12 +18,14 @@ from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
 from romdam.core.files import replacing
+from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.postprocess.maxima import peak_opening_time
 from romdam.visual.joint_plots import (
     component_panels,
     dissipated_energies,
     joint_displacements,
     joint_slip,
+    joints_of_kinds,
     sliding_histories,
 )
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
@@ -48,6 +50,8 @@ _COMPRESSION = 3  # of zlib: level 6 takes 0.03 s longer for the figures of a ru
 _BROADEST = 10.4  # inches of all maps of a row
 _AT_REST = 1e-6  # of the largest energy, below which none is said to rest at the start
 _FLAT = 0.08  # inscribed over circumscribed circle of a triangle on the rim, below which it is left out
+_MAPS = 5  # of a row
+_NAMED = 6  # joints that never open, in a title
 _WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
@@ -81,8 +85,9 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
         return None
     names = list(dataset.joint.values)
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
+    every, factor, unit = scaled(dataset.opening, "m")  # one unit, so that panels can be compared
     for ax, name in zip(axes, names, strict=True):
-        values, factor, unit = scaled(dataset.opening[:, dataset.gap_joint.values == name], "m")
+        values = every[:, dataset.gap_joint.values == name]
         ax.fill_between(
             dataset.time, values.min("gap"), values.max("gap"), color=COLOURS[0], alpha=0.25, lw=0
         )
@@ -92,16 +97,28 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
         if when is not None:
             mark_point(ax, values, (when, peak), f"{peak:.3g} {unit} at {when:.2f} s")
         ax.set_ylabel(f"{name}\nopening [{unit}]")
+        if not float(abs(values).max()) > ROUND_OFF * float(abs(every).max()):
+            ax.set_ylim(-1.0, 1.0)  # a joint that never opens would be drawn as its round-off
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 
 
 def opening_envelope(dataset: xr.Dataset) -> Figure | None:
-    """Largest opening of every gap over the joint's face, one map a joint, with its largest named."""
+    """Largest opening of every gap over the joint's face, one map a joint that opens, with its largest."""
     if "gap_peak_opening" not in dataset:
         return None
-    names = [str(name) for name in dataset.joint.values]
-    columns = min(4, len(names))
-    rows = -(-len(names) // columns)
+    least = max(ROUND_OFF * float(dataset.peak_opening.max()), NOTHING)
+    opens = dataset.peak_opening.values > least
+    names = [str(name) for name in dataset.joint.values[opens]]
+    if not names:
+        return None
+    kinds, columns = (
+        joints_of_kinds(names),
+        min(_MAPS, len(names)),
+    )  # those of one kind have like faces: a row
+    rows = [of[k : k + columns] for of in kinds.values() for k in range(0, len(of), columns)]
+    if all(len(of) == 1 for of in kinds.values()):
+        rows = [names[k : k + columns] for k in range(0, len(names), columns)]
+    columns = max(map(len, rows))
     # each joint's gaps in its own plane: the local axis nearest to vertical up, the other across
     chosen = {name: dataset.gap_joint.values == name for name in names}
     planes = {name: _plane_axes(dataset.gap_tangent.values[chosen[name]].mean(axis=0)) for name in names}
@@ -110,15 +127,25 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
         position = dataset.gap_position.values[chosen[name]]
         faces[name] = position @ across, position @ up
     # width over height of the faces, kept between what a figure can show
-    shapes = [float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 1.5)) for x, y in faces.values()]
+    shapes = [float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 4.0)) for x, y in faces.values()]
     wide = min(4.0 * max(shapes) + 0.8, _BROADEST / columns)
-    high = min(4.8, (wide - 0.8) / min(shapes) + 0.8)
-    figure = Figure(figsize=(columns * wide + 1.2, high * rows + 0.4), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    narrow = dict(zip(names, shapes, strict=True))
+    heights = [min(4.8, (wide - 0.8) / min(narrow[name] for name in row) + 0.8) for row in rows]
+    figure = Figure(figsize=(columns * wide + 1.2, max(sum(heights) + 0.4, 3.0)), layout="constrained")
+    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=heights)
+    of_name = {
+        name: ax
+        for row, row_axes in zip(rows, grid, strict=True)
+        for name, ax in zip(row, row_axes, strict=False)
+    }
+    for ax in {*grid.ravel()} - {*of_name.values()}:
+        ax.set_visible(False)
     peaks, _, unit = scaled(dataset.gap_peak_opening, "m")
+    peaks = peaks[np.isin(dataset.gap_joint.values, names)]
+    joints = dataset.gap_joint.values[np.isin(dataset.gap_joint.values, names)]
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
-    for ax, name in zip(axes, names, strict=False):
-        (x, y), (across, up), values = faces[name], planes[name], peaks.values[chosen[name]]
+    for name, ax in of_name.items():
+        (x, y), (across, up), values = faces[name], planes[name], peaks.values[joints == name]
         if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
             mesh = within_outline(x, y, float(dataset.gap_area.values[chosen[name]].sum()))
             ax.tripcolor(mesh, values, norm=norm, cmap="viridis", shading="gouraud")
@@ -130,11 +157,12 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
         ax.set_xlabel(f"{axis_name(across, 'across')} [m]")
         ax.set_ylabel(f"{axis_name(up, 'up')} [m]")
         ax.set_title(f"{name}: {float(values.max()):.3g} {unit}", fontsize=8)
-    for ax in axes[len(names) :]:
-        ax.set_visible(False)
     bar = mpl.cm.ScalarMappable(norm, "viridis")
-    figure.colorbar(bar, ax=list(axes[: len(names)]), label=f"largest opening [{unit}]", shrink=0.85)
-    figure.suptitle(f"Opening envelope\n{dataset.attrs['record']}", fontsize=9, x=0.02, ha="left")
+    figure.colorbar(bar, ax=list(grid.ravel()), label=f"largest opening [{unit}]", shrink=0.85)
+    shut = [str(name) for name in dataset.joint.values[~opens]]
+    closed = f"; never open: {', '.join(shut[:_NAMED])}" if shut else ""
+    closed += f" and {len(shut) - _NAMED} more" if len(shut) > _NAMED else ""
+    figure.suptitle(f"Opening envelope{closed}\n{dataset.attrs['record']}", fontsize=9, x=0.02, ha="left")
     return figure
 
 
@@ -163,8 +191,11 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
         label = f"initial strain energy, {at_rest * factor:.3g} {unit}"
         axes[0].axhline(at_rest * factor, color="black", lw=0.9, ls="--", label=label)
     axes[0].set_ylabel(f"energy [{unit}]")
-    imbalance, _, unit = scaled(dataset.energy_residual, "J")
+    most = float(abs(supplied).max())
+    imbalance = without_round_off(factor * dataset.energy_residual, most)
     axes[1].plot(dataset.time, imbalance, color=COLOURS[0], lw=0.8)
+    if not imbalance.any():  # a closed ledger
+        axes[1].set_ylim(-1.0, 1.0)
     axes[1].set_ylabel(f"imbalance\n[{unit}]")
     legend_below(figure, axes[:1])
     return finish(figure, axes, dataset, "Energy ledger")

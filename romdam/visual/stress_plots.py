@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -9,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from romdam.core.arrays import Floats
-from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS
+from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS, Limits
 from romdam.postprocess.stress.summary import duration_above
 from romdam.visual.style import COLOURS, GREY, finish, legend_below, new_figure, scaled
 
@@ -89,20 +91,21 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
         levels, dt = dataset.dcr_level.values * float(dataset.tensile_strength), float(dataset.time[1])
         of_probes[str(name), "total"] = np.array([duration_above(major, x, dt)[0] for x in levels])
     _curves(axes[0], dataset, {**lines, **of_probes})
-    largest = max(limits.duration for limits in LIMITS.values())
+    known = limits_of(dataset)
+    largest = max(limits.duration for limits in known.values())
     axes[0].set_yscale("symlog", linthresh=largest, linscale=1.5)
     axes[0].set_ylim(-0.02 * largest, max(1.5 * largest, 1.3 * axes[0].get_ylim()[1]))
-    axes[0].set_yticks([0.0, *(x.duration for x in LIMITS.values()), 1.0, 3.0, 10.0, 30.0])
+    axes[0].set_yticks([0.0, *(x.duration for x in known.values()), 1.0, 3.0, 10.0, 30.0])
     axes[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes[0].set_ylim(top=max(1.5 * largest, 1.3 * max(np.nanmax(y, initial=0.0) for y in lines.values())))
     axes[0].set_ylabel(f"longest cumulative inelastic duration [s],\nlogarithmic above {largest:g} s")
     if faces:
         _curves(axes[1], dataset, _face_curves(dataset, "face_overstressed_share"))
         most = float(np.nanmax(dataset.face_overstressed_share.values, initial=0.0))
-        axes[1].set_ylim(-0.5, max(1.5 * max(x.area for x in LIMITS.values()), 1.1 * most))
+        axes[1].set_ylim(-0.5, max(1.5 * max(x.area for x in known.values()), 1.1 * most))
         axes[1].set_ylabel("overstressed part of the face [%]")
     ratio = np.array([1.0, LARGEST_RATIO])
-    for (kind, limits), style in zip(LIMITS.items(), ("-", ":"), strict=True):
+    for (kind, limits), style in zip(known.items(), ("-", ":"), strict=False):
         for ax, values in zip(axes, (limits.duration_at(ratio), np.full(2, limits.area)), strict=False):
             ax.plot(ratio, values, color="black", lw=1.8, ls=style, label=f"limit, {kind}s")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3 if faces else 2)
@@ -112,6 +115,12 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
         fontsize=9, x=0.02, ha="left",
     )  # fmt: skip
     return figure
+
+
+def limits_of(dataset: xr.Dataset) -> dict[str, Limits]:
+    """Limits of linear analysis of the dam at hand; of every kind where the result names none."""
+    config = json.loads(str(dataset.attrs.get("configuration", "{}")))
+    return {kind: LIMITS[kind] for kind in LIMITS if config.get(kind.replace(" ", "_"))} or LIMITS
 
 
 def _face_curves(dataset: xr.Dataset, variable: str) -> dict[tuple[str, str], Floats]:

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from romdam.core.arrays import Floats
+from romdam.core.round_off import NOTHING
 
 # Okabe and Ito's palette, told apart with any colour vision
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -67,6 +68,8 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
     the scaled values, the factor they were multiplied by, the unit's name
     """
     largest = float(abs(values).max()) if values.size else 0.0
+    if largest < NOTHING:  # round-off is drawn and told as 0
+        return values * 0.0, 0.0, unit
     size, prefix = next(((s, p) for s, p in _PREFIXES if largest >= s), (1.0, ""))
     return values / size, 1.0 / size, prefix + unit
 
