@@ -25,7 +25,15 @@ from romdam.visual.style import (
     scaled,
 )
 
-_SHOWN_FACTOR = 20.0  # of safety: beyond, a joint is far from sliding
+_FACTORS = (
+    0.5,
+    1.0,
+    2.0,
+    3.0,
+    5.0,
+    10.0,
+    20.0,
+)  # of safety that are numbered; beyond, all is far from sliding
 _COLUMNS = 5  # of a legend within a panel
 _WIDEST, _NARROWEST = 1.8, 0.8  # points of lines, those behind the wider ones
 _LEGEND = 0.15  # of a panel's height, for each row of its legend
@@ -116,9 +124,9 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
     factors = dataset.sliding_safety_factor
     known = factors.values[np.isfinite(factors.values)]
     lowest = float(known.min(initial=1.0))
-    # of the factors that are there, as far as they matter
-    top = float(np.clip(1.1 * known.max(initial=1.0), 2.0, _SHOWN_FACTOR))
-    ticks = [tick for tick in (0.5, 1, 2, 3, 5, 10, 20) if 0.8 * lowest < tick <= top]
+    highest = float(known.max(initial=1.0))
+    top = next((tick for tick in _FACTORS[2:] if tick >= highest), _FACTORS[-1])  # as far as there are any
+    ticks = [tick for tick in _FACTORS if 0.8 * lowest < tick <= top]
     for row, (kind, names) in enumerate(kinds.items()):
         safety, moved = axes[2 * row : 2 * row + 2]
         for k, name in enumerate(names):
@@ -129,7 +137,11 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
             safety.plot(dataset.time, factors.sel(joint=name), color=colour, ls=ls, lw=width)
             moved.plot(dataset.time, slip.sel(joint=name), color=colour, ls=ls, lw=width, label=name)
         safety.axhline(1.0, color=GREY, lw=0.8, ls="--", zorder=0)
-        safety.set(yscale="log", ylim=(0.8 * min(lowest, 1.0), top), ylabel=f"{kind}\nfactor of safety")
+        safety.set(
+            yscale="log",
+            ylim=(0.8 * min(lowest, 1.0), top),
+            ylabel=f"{kind}, factor of\nsafety up to {top:g}",
+        )
         safety.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         safety.minorticks_off()
         moved.set_ylabel(f"{kind}\nslip [{unit}]")
@@ -141,8 +153,7 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
             moved.legend(loc="upper left", ncols=_COLUMNS)
     if len(kinds) == 1:
         legend_below(figure, axes)
-    shown = f", factors up to {top:g}" if known.max(initial=1.0) > top else ""
-    return finish(figure, axes, dataset, f"Sliding, along the joint{shown}")
+    return finish(figure, axes, dataset, "Sliding, along the joint")
 
 
 def dissipated_energies(dataset: xr.Dataset) -> Figure | None:

@@ -192,7 +192,8 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
         axes[0].axhline(at_rest * factor, color="black", lw=0.9, ls="--", label=label)
     axes[0].set_ylabel(f"energy [{unit}]")
     most = float(abs(supplied).max())
-    imbalance = without_round_off(factor * dataset.energy_residual, most)
+    residual = dataset.energy_residual.copy(data=without_round_off(dataset.energy_residual, most / factor))
+    imbalance, _, unit = scaled(residual, "J")
     axes[1].plot(dataset.time, imbalance, color=COLOURS[0], lw=0.8)
     if not imbalance.any():  # a closed ledger
         axes[1].set_ylim(-1.0, 1.0)

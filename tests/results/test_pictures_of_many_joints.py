@@ -31,7 +31,12 @@ def test_sliding_has_panels_for_each_kind(dataset):
     renamed = dataset.assign_coords(joint=[names[name] for name in dataset.joint.values])
     renamed["gap_joint"] = ("gap", [names[name] for name in dataset.gap_joint.values])
     axes = FIGURES["sliding"](renamed).axes
-    assert [ax.get_ylabel().split("\n")[0] for ax in axes] == ["base", "base", "contraction", "contraction"]
+    assert [ax.get_ylabel().split("\n")[0].split(",")[0] for ax in axes] == [
+        "base",
+        "base",
+        "contraction",
+        "contraction",
+    ]
     assert all("[mm]" in ax.get_ylabel() for ax in axes[1::2])
     assert all(ax.get_ylim()[1] <= 20.0 for ax in axes[::2])
 

@@ -278,7 +278,7 @@ def test_map_of_openings_keeps_to_a_hollow_joint():
     ("draw", "label"),
     [
         (stress_damage, "longest cumulative inelastic duration [s],\nlogarithmic above 0.4 s"),
-        (FIGURES["sliding"], "factor of safety against\nsliding, shown up to 20"),
+        (FIGURES["sliding"], "J, factor of\nsafety up to 3"),
     ],
 )
 def test_an_axis_that_changes_its_scale_or_ends_early_says_so(draw, label, job, timing):
