@@ -57,6 +57,7 @@ from romdam.pipelines.summary import (
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
+from romdam.results.case import rock_blocks
 from romdam.results.dataset import Timing, build_dataset, run_identity, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
@@ -144,6 +145,7 @@ class Goal(NamedTuple):
     folder: Path
     figures: bool
     summary: bool
+    rock: bool
 
 
 Target = tuple[Goal, Callable[[], tuple[Model, dict[str, str]]]]
@@ -210,10 +212,11 @@ def run(
         )
     clock = Clock(show)
     if out is not None:
-        goal = Goal(prepare_folder(Path(out)), job.config.outputs.plots, summary=True)
+        outputs = job.config.outputs
+        goal = Goal(prepare_folder(Path(out)), outputs.plots, summary=True, rock=outputs.rock)
         return _run(job, motions_given, goal, clock, cache)
     folder = Unkept()
-    done = _run(job, motions_given, Goal(folder.path, figures=False, summary=False), clock, cache)
+    done = _run(job, motions_given, Goal(folder.path, figures=False, summary=False, rock=True), clock, cache)
     results = tuple(Result(path, folder) for path in done.paths)
     for result in results:
         result.dataset.attrs[FOLDER] = str(job.folder.absolute())
@@ -356,19 +359,25 @@ def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, st
     """
     with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
         model = replace(model, stress=stress_fields(model.scene, model.reduced, goal.folder))
-    files = write_shared(goal.folder, model)
+    files = write_shared(goal.folder, model, rock=goal.rock)
     if goal.figures:
         import_module(_PLOTS)
     return model, files
 
 
-def write_shared(folder: Path, model: Model) -> dict[str, str]:
-    """Write what all results of a model share: attribute of the results -> file name."""
+def write_shared(folder: Path, model: Model, *, rock: bool) -> dict[str, str]:
+    """Write what all results of a model share: attribute of the results -> file name.
+
+    Parameters
+    ----------
+    rock : whether the displacement of rock is kept too
+    """
     files = {}
     if model.reduced is not None:
         moving = model.system.pseudo_static
         carried = None if moving is None else moving.shapes
-        files["model_file"] = write_model(folder, model.scene, model.reduced.basis, carried)
+        left_out = () if rock else rock_blocks(model.scene)
+        files["model_file"] = write_model(folder, model.scene, model.reduced.basis, carried, left_out)
     if model.stress:
         files["stress_file"] = write_stress(folder, model.stress)
     return files
@@ -465,7 +474,7 @@ def run_motion(
     target : where, and what gives `_shared`
     of_mesh : what states the error of the mesh
     """
-    (folder, _, _), shared = target
+    folder, shared = target[0].folder, target[1]
     wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)

@@ -309,7 +309,7 @@ def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job
     """The error is that of the whole job, not of one record, also where the march has failed meanwhile."""
     monkeypatch.setattr(threads, "BESIDE", least)
 
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise WriteError("the disk is full")
 
     monkeypatch.setattr(pipeline, "write_shared", full)
@@ -322,7 +322,7 @@ def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job
     monkeypatch.setattr(pipeline, "simulate_motion", stuck)
     with pytest.raises(WriteError, match="the disk is full"):
         romdam.run(quick_job, tmp_path)
-    monkeypatch.setattr(pipeline, "write_shared", lambda *_: {})
+    monkeypatch.setattr(pipeline, "write_shared", lambda *_, **__: {})
     with pytest.raises(ConvergenceError):
         romdam.run(quick_job, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == []

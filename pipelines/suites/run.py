@@ -164,7 +164,7 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     model = replace(model, stress=stress_fields(scene, model.reduced))
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
-        files = write_shared(prepare_folder(suite.folder), model)
+        files = write_shared(prepare_folder(suite.folder), model, rock=job.config.outputs.rock)
         suite = replace(suite, files=files, write=write_kept)
     return suite
 

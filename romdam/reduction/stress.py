@@ -15,11 +15,15 @@ from romdam.reduction.storage.keys import ROOMS
 
 
 def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
-    """Block name -> (k, 6, r) and (r, m) whose product its fields (k, 6, m) are; see `factors`."""
+    """Block name -> (k, 6, r) and (r, m) whose product its fields (k, 6, m) are; see `factors`.
+
+    The first are those of single precision, which files keep, so that a run has the same stress from these.
+    """
     products = {}
     for name, field in fields.items():
         left, right = factors(field.reshape(-1, field.shape[2]))
-        products[name] = left.reshape(len(field), 6, left.shape[1]), right
+        kept = left.astype(np.float32).astype(np.float64)
+        products[name] = kept.reshape(len(field), 6, left.shape[1]), right
     return products
 
 

@@ -13,7 +13,8 @@ one for each model:
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from types import TracebackType
@@ -45,13 +46,18 @@ _ROWS = 4096  # rows of an array that are read or hashed at a time
 
 
 def write_model(
-    folder: Path, scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None = None
+    folder: Path,
+    scene: Scene,
+    basis: Mapping[str, BlockBasis],
+    carried: Mapping[str, Floats] | None = None,
+    left_out: Collection[str] = (),
 ) -> str:
-    """Write the basis file of a model, unless the folder has it already.
+    """Write the basis file of a model in single precision, unless the folder has it already.
 
     Parameters
     ----------
     carried : block name -> (3 n, k) displacement for unit displacements of moving supports; None without any
+    left_out : names of blocks whose displacement is not kept
 
     Returns
     -------
@@ -66,7 +72,7 @@ def write_model(
     def write_block(file: h5py.File, name: str, block: Block) -> Iterator[NDArray[Any]]:
         """Write the basis of a block and yield its rows as they are written, for the digest."""
         group = file.create_group(f"blocks/{name}")
-        yield from rows_written(group, block, basis[name])
+        yield from rows_written(group, block, basis[name], np.float32)
         if carried is not None:
             group["carried"] = carried[name].reshape(len(block.points), 3, -1)
             yield carried[name]
@@ -78,22 +84,25 @@ def write_model(
                 chain(_row_chunks(block.points), _row_chunks(block.cells)),
                 write_block(file, name, block),
             )
-            for name, block in scene.blocks.items()
+            for name, block in blocks.items()
         )
 
-    size = sum(each.vectors.nbytes for each in basis.values())
+    blocks = {name: block for name, block in scene.blocks.items() if name not in left_out}
+    size = sum(basis[name].vectors.nbytes // 2 for name in blocks)
     return write_companion_file(
-        folder, ("model", FORMAT), write_blocks, size, _model_digest(scene, basis, carried)
+        folder, ("model", FORMAT), write_blocks, size, _model_digest(blocks, basis, carried)
     )
 
 
-def _model_digest(scene: Scene, basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None) -> str:
+def _model_digest(
+    blocks: Mapping[str, Block], basis: Mapping[str, BlockBasis], carried: Mapping[str, Floats] | None
+) -> str:
     """Compute a SHA-256 that tells models apart without forming the bases, which may be large.
 
     The basis enters by its projection of a random force.
     """
     content = hashlib.sha256(FORMAT.encode())
-    for name, block in scene.blocks.items():
+    for name, block in blocks.items():
         of_block = basis[name]
         columns = f"{of_block.columns.start}:{of_block.columns.stop}"
         content.update(f"{name} {block.element} {columns} {of_block.vectors.shape}".encode())
@@ -288,7 +297,8 @@ class Result:
         first, count = int(basis.attrs["first"]), basis.shape[2]
         q = self._reduced_coordinates(times, slice(first, first + count))
         rows, back = np.unique(numbers, return_inverse=True)  # h5py reads ascending rows only
-        disp = np.einsum("ncm,tm->tnc", basis[rows][back], q.values, optimize=True)
+        shapes = basis[rows][back].astype(np.float64, copy=False)
+        disp = np.einsum("ncm,tm->tnc", shapes, q.values, optimize=True)
         if "carried" in group:
             supports = self._support_displacement(times)
             disp += np.einsum("ncm,tm->tnc", group["carried"][rows][back], supports, optimize=True)
@@ -355,7 +365,7 @@ class Result:
                 f"{self.path}: has {modes} reduced coordinates, but its companion files need {columns.stop} "
                 "or more: they are of another model; run it again"
             )
-        return _at_times(q, times)[:, columns]
+        return _at_times(q, times)[:, columns].astype(np.float64, copy=False)
 
     def _support_displacement(self, times: float | Sequence[float] | slice | None) -> Floats:
         """Return the displacement of moving supports, (nt, 3 supports) [m].
@@ -386,6 +396,11 @@ class Result:
     def _block_group(self, name: str) -> h5py.Group:
         """Return the group of a block in the basis file; raise a ResultError for an unknown block."""
         blocks = self._basis_file()["blocks"]
+        if name in json.loads(str(self.dataset.attrs.get("rock_blocks", "[]"))) and name not in blocks:
+            raise ResultError(
+                f"{self.path}: the displacement of rock, of block {name!r} too, was not kept; give outputs: "
+                "{rock: true}, and run again"
+            )
         if name not in blocks:
             raise ResultError(f"{self.path}: no block {name!r}; there are {', '.join(blocks)}")
         return blocks[name]

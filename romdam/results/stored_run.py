@@ -128,7 +128,7 @@ def read_run(path: Path) -> StoredRun:
             jump=_gap_vector(dataset, "opening", "slip", 1.0),
             traction=traction,
             mean=_gap_vector(dataset, "mean_normal_force", "mean_shear_force", -1.0),
-            q=dataset.reduced_coordinates.values,
+            q=dataset.reduced_coordinates.values.astype(np.float64),
             disp=disp.reshape(len(disp), -1),
             strain=dataset.energy_strain.values,
             position=dataset.gap_position.values,

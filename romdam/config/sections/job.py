@@ -223,6 +223,8 @@ class OutputsConfig(Model):
     """Summary of several runs as a spreadsheet too (needs the extra `xlsx`)."""
     error_estimate: bool = True
     """Estimate of the reduction error in every result."""
+    rock: bool = False
+    """Displacement of every node of rock is kept too, which takes most of an arch dam's disk space."""
     mesh_error: Literal["auto", "finer", "coarser", False] = "auto"
     """Mesh of half (finer) or twice (coarser) the size of the elements, on which every run is made again to
     state the error of its own mesh; of a suite the strongest record, at its largest and smallest scale. auto:

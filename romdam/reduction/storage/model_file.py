@@ -5,8 +5,9 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
 
     points          (n, 3) node positions [m]
     cells           (nc, nodes per cell) node numbers, VTK order; attribute element
-    basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5];
-                    attribute first: the block's first column of the reduced coordinates (0 in a cache file)
+    basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5], in single precision
+                    in the basis file; attribute first: the block's first column of the reduced coordinates
+                    (0 in a cache file)
     mix             (k + r, m) of a finer basis alone: its modes in terms of those of another file (k) and of
                     the vectors that `basis` has here (n, 3, r); attribute of: fingerprint of the other's
     omega2          (m,) [1/s2]
@@ -26,10 +27,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 import romdam
 from romdam.core.arrays import Floats
@@ -67,15 +69,22 @@ def _fingerprint(basis: BlockBasis) -> str:
     return fingerprint((basis.omega2, basis.participation))
 
 
-def rows_written(group: h5py.Group, block: Block, basis: BlockBasis) -> Iterator[Floats]:
-    """The rows of a block's basis, some at a time, as the block is written; see `write_block`."""
+def rows_written(
+    group: h5py.Group, block: Block, basis: BlockBasis, dtype: type[np.floating[Any]] = np.float64
+) -> Iterator[NDArray[Any]]:
+    """The rows of a block's basis as they are written, some at a time; see `write_block`.
+
+    Parameters
+    ----------
+    dtype : precision that the basis is written in
+    """
     nodes, columns = len(block.points), basis.vectors.shape[1]
-    step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * 8 * columns)))
+    step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * np.dtype(dtype).itemsize * columns)))
     small = basis.vectors.nbytes < _MAPPED
     chunks = (step, 3, columns) if small and basis.vectors.nbytes else None
-    data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype="f8", chunks=chunks)
+    data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype=dtype, chunks=chunks)
     for first in range(0, nodes if columns else 0, step):
-        some = basis.vectors.rows(slice(3 * first, 3 * (first + step)))
+        some = basis.vectors.rows(slice(3 * first, 3 * (first + step))).astype(dtype, copy=False)
         data[first : first + step] = some.reshape(-1, 3, columns)
         yield some
     group.file.flush()

@@ -5,7 +5,7 @@ The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, 
     /                             attributes: format, content_sha256, source, made_of
     /blocks/<name>/nodes          (k,) node numbers, ascending
     /blocks/<name>/fields         (k, 6, r) stress, xx yy zz xy yz xz [Pa kg-0.5], of the r combinations of
-                                  reduced coordinates that make some
+                                  reduced coordinates that make some, in single precision
     /blocks/<name>/combinations   (r, m) of `reduced_coordinates`, and where supports move of
                                   `support_displacement` behind them, so many as attribute carried; attribute
                                   first: the block's first column of `reduced_coordinates`
@@ -93,13 +93,14 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
         for name, stress in blocks.items():
             group = file.create_group(f"blocks/{name}")
             for item in _ARRAYS:
-                group[item] = getattr(stress, item)
+                values = getattr(stress, item)
+                group[item] = values.astype(np.float32) if item == "fields" else values
             group["combinations"].attrs["first"] = stress.columns.start
             if stress.carried:
                 group["combinations"].attrs["carried"] = stress.carried
         return _stored_digest(file)
 
-    size = sum(stress.fields.nbytes + stress.combinations.nbytes for stress in blocks.values())
+    size = sum(stress.fields.nbytes // 2 + stress.combinations.nbytes for stress in blocks.values())
     made_of = _made_of({name: stress.made_of for name, stress in blocks.items()})
     return write_companion_file(folder, ("stress", FORMAT), fill, size, made_of)
 
@@ -116,7 +117,10 @@ def kept_stress(folder: Path, made_of: Mapping[str, str]) -> dict[str, tuple[Flo
         return {}
     with opened(path) as file:
         blocks = file["blocks"]
-        return {name: (blocks[name]["fields"][()], blocks[name]["combinations"][()]) for name in made_of}
+        return {
+            name: (blocks[name]["fields"].astype(np.float64)[()], blocks[name]["combinations"][()])
+            for name in made_of
+        }
 
 
 def _made_of(blocks: Mapping[str, str]) -> str:
@@ -168,7 +172,7 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
             )
         group = blocks[block]
         rows, back = np.unique(np.searchsorted(known, chosen), return_inverse=True)
-        fields, offset = group["fields"][rows][back], group["offset"][rows][back]
+        fields, offset = group["fields"].astype(np.float64)[rows][back], group["offset"][rows][back]
         by_coordinate = group["combinations" if "combinations" in group else "fields"]
         first, count = int(by_coordinate.attrs["first"]), by_coordinate.shape[-1]
         combinations = group["combinations"][()] if "combinations" in group else np.eye(count)
