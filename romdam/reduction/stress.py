@@ -17,13 +17,13 @@ from romdam.reduction.storage.keys import ROOMS
 def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
     """Block name -> (k, 6, r) and (r, m) whose product its fields (k, 6, m) are; see `factors`.
 
-    The first are those of single precision, which files keep, so that a run has the same stress from these.
+    Both are numbers of single precision, as files keep them, so that a run has the same stress from these.
     """
     products = {}
     for name, field in fields.items():
         left, right = factors(field.reshape(-1, field.shape[2]))
-        kept = left.astype(np.float32).astype(np.float64)
-        products[name] = kept.reshape(len(field), 6, left.shape[1]), right
+        left, right = (factor.astype(np.float32).astype(np.float64) for factor in (left, right))
+        products[name] = left.reshape(len(field), 6, left.shape[1]), right
     return products
 
 

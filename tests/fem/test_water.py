@@ -237,7 +237,7 @@ def test_large_bases_are_turned_row_by_row(monkeypatch, tmp_path):
         np.testing.assert_allclose(whole, known.basis[name].vectors.rows(), atol=1e-9 * size)
         with h5py.File(path) as file:
             stored = read_block(file[f"blocks/{name}"]).vectors.rows()
-        np.testing.assert_allclose(stored, whole, atol=1e-13 * size)
+        np.testing.assert_allclose(stored, whole, atol=1e-7 * size)  # single precision
 
 
 def test_motion_of_one_wet_basis_is_written_in_another():
@@ -305,7 +305,7 @@ TWICE = "faces[1]: the face is not wet:"
         ({"faces": [{"block": "z", "face": "ymin"}]}, "water.faces[0].block: no 'z' is defined"),
         ({"density": -1}, "water.density"),
         ({"model": "shallow"}, "water.model"),
-        ({"sound_speed": 1500.0}, "water: sound_speed: water that is 'incompressible' knows no waves"),
+        ({"sound_speed": 1500.0}, "water.sound_speed: water that is 'incompressible' knows no waves"),
     ],
 )  # fmt: skip
 def test_water_that_cannot_be_is_refused_with_numbers(water, says):

@@ -163,6 +163,7 @@ def shaken(order, folder, transient=None, modulus="30 GPa", loads=None):
         "transient": {"finest_step": "1 ms"} | (transient or {}),
         "outputs": {
             "plots": False,
+            "mesh_error": False,
             "output_interval": "0.01 s",
             "stress": {
                 "blocks": ["left"],
@@ -212,7 +213,7 @@ def test_history_of_any_node_comes_from_the_stress_file(outcome):
         np.testing.assert_allclose(found[:, 0], whole[:, 7], rtol=1e-12, atol=1e-12 * np.abs(whole).max())
         envelope = principal_stresses(whole)[..., 0].max(axis=0)
         kept = result.dataset.max_principal_stress[result.dataset.stress_block == "left"]
-        np.testing.assert_allclose(kept, envelope, rtol=1e-10)
+        np.testing.assert_allclose(kept, envelope, atol=1e-6 * envelope.max())  # single precision
         with pytest.raises(ResultError, match=r"no stress was kept for node 80 .* of block 'right'"):
             result.stress("right", nodes=80)
 
@@ -242,7 +243,7 @@ def test_a_later_run_takes_the_stress_of_the_modes_from_the_file_where_it_is_tha
         assert len(made) == 4, "the same stress of the modes, with another offset"
         envelope = principal_stresses(cooler.stress("left").values)[..., 0].max(axis=0)
         kept = cooler.dataset.max_principal_stress[cooler.dataset.stress_block == "left"]
-        np.testing.assert_allclose(kept, envelope, rtol=1e-10)
+        np.testing.assert_allclose(kept, envelope, atol=1e-6 * envelope.max())  # single precision
     monkeypatch.setattr(reduction_stress, "code_digest", lambda *rooms: "other")
     shaken("reduced", tmp_path, modulus="20 GPa")
     assert len(made) == 5

@@ -123,7 +123,7 @@ def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis
         _, columns = group["mix"].shape
     shapes = (data.shape[:2], group["points"].shape, omega2.shape, participation.shape)
     expected = ((nodes, 3), (nodes, 3), (columns,), (columns, 3))
-    if shapes != expected or data.dtype != np.float64:
+    if shapes != expected or data.dtype.kind != "f":
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
     vectors: Basis = _vectors(data)
     if "mix" in group:
@@ -164,8 +164,8 @@ def read_block_file(path: Path, key: str | None = None, inner: BlockBasis | None
 def _vectors(data: h5py.Dataset) -> Dense:
     """The basis of a dataset (n, 3, m); a large one in one piece is mapped."""
     offset, shape = data.id.get_offset(), (3 * data.shape[0], data.shape[2])
-    if data.nbytes < _MAPPED or offset is None:
-        return Dense(np.asarray(data[()]).reshape(shape))
+    if data.nbytes < _MAPPED or offset is None or data.dtype != np.float64:
+        return Dense(np.asarray(data[()], np.float64).reshape(shape))
     return Mapped.of(data.file.filename, offset, shape)
 
 

@@ -5,11 +5,13 @@ The file (HDF5, `stress-<first 12 of its content's SHA-256>.h5`, one per model, 
     /                             attributes: format, content_sha256, source, made_of
     /blocks/<name>/nodes          (k,) node numbers, ascending
     /blocks/<name>/fields         (k, 6, r) stress, xx yy zz xy yz xz [Pa kg-0.5], of the r combinations of
-                                  reduced coordinates that make some, in single precision
+                                  reduced coordinates that make some
     /blocks/<name>/combinations   (r, m) of `reduced_coordinates`, and where supports move of
                                   `support_displacement` behind them, so many as attribute carried; attribute
                                   first: the block's first column of `reduced_coordinates`
     /blocks/<name>/offset         (k, 6) stress without displacement [Pa]
+
+Fields and combinations are in single precision.
 
 Files of romdam 0.1 have no combinations: their fields are (k, 6, m), with these attributes.
 """
@@ -94,7 +96,7 @@ def write_stress(folder: Path, blocks: Mapping[str, StressFields]) -> str:
             group = file.create_group(f"blocks/{name}")
             for item in _ARRAYS:
                 values = getattr(stress, item)
-                group[item] = values.astype(np.float32) if item == "fields" else values
+                group[item] = values.astype(np.float32) if item in ("fields", "combinations") else values
             group["combinations"].attrs["first"] = stress.columns.start
             if stress.carried:
                 group["combinations"].attrs["carried"] = stress.carried
@@ -118,7 +120,7 @@ def kept_stress(folder: Path, made_of: Mapping[str, str]) -> dict[str, tuple[Flo
     with opened(path) as file:
         blocks = file["blocks"]
         return {
-            name: (blocks[name]["fields"].astype(np.float64)[()], blocks[name]["combinations"][()])
+            name: tuple(blocks[name][item].astype(np.float64)[()] for item in ("fields", "combinations"))
             for name in made_of
         }
 
@@ -175,6 +177,8 @@ def read_stress(result: Path, name: str, block: str, nodes: Nodes) -> StressFiel
         fields, offset = group["fields"].astype(np.float64)[rows][back], group["offset"][rows][back]
         by_coordinate = group["combinations" if "combinations" in group else "fields"]
         first, count = int(by_coordinate.attrs["first"]), by_coordinate.shape[-1]
-        combinations = group["combinations"][()] if "combinations" in group else np.eye(count)
+        combinations = (
+            group["combinations"].astype(np.float64)[()] if "combinations" in group else np.eye(count)
+        )
         columns = slice(first, first + count - int(by_coordinate.attrs.get("carried", 0)))
         return StressFields(chosen, fields, combinations, offset, columns, "")
