@@ -17,6 +17,7 @@ import xarray as xr
 
 from romdam.config.load import Job, Source, naming_lines
 from romdam.config.other_mesh import with_compared_stress, with_mesh_of
+from romdam.config.sections.transient import MOST_ACCURACY
 from romdam.core.errors import (
     ConfigError,
     ConvergenceError,
@@ -418,7 +419,8 @@ def choose_mesh_and_modes(
         clock.wall["mesh_choice"] = time.perf_counter() - wall
         clock.cpu["mesh_choice"] = cpu_time() - cpu
         log.info("%s", choice.statement.sentence)
-        job = with_mesh_of(job, choice.job)
+        left = total - choice.statement.errors["opening"].l2
+        job = with_accuracy(with_mesh_of(job, choice.job), min(left / 2.0, MOST_ACCURACY))
     return with_modes_chosen(job, motions, clock, store), choice
 
 

@@ -73,24 +73,24 @@ def chosen(errors, total, element="hex8"):
     ("total", "mesh", "ran"),
     [
         # h = 2 m leaves 4 %: stated 1.5 x 3 % = 4.5 % of the difference to h = 1 m
-        (0.08, "elements of twice the size", 2),
+        (0.06, "elements of twice the size", 2),
         # h = 1 m leaves 1 %: stated 0.5 x 3 % = 1.5 %
-        (0.03, "elements as given", 2),
+        (0.0225, "elements as given", 2),
         # the mesh may leave 1.2 %; quadratic elements of 2 m leave 0.8 %: stated 1.5 x 0.7 % = 1.05 %
-        (0.02, "quadratic elements of twice the size", 4),
+        (0.015, "quadratic elements of twice the size", 4),
         # 0.6 %: quadratic ones of 1 m leave 0.1 %: stated 0.35 %
-        (0.01, "quadratic elements as given", 4),
+        (0.0075, "quadratic elements as given", 4),
         # 0.15 %: 0.5 m, run to judge 1 m, tell that this leaves 0.13 %, where 2 m told 0.35 %
-        (0.0025, "quadratic elements as given", 5),
+        (0.001875, "quadratic elements as given", 5),
         # 0.12 %: 0.5 m leave 0.0125 %: stated 0.5 x 0.0875 = 0.044 %
-        (0.002, "quadratic elements of 0.5 times the size", 5),
+        (0.0015, "quadratic elements of 0.5 times the size", 5),
     ],
 )
 def test_the_cheapest_mesh_that_keeps_its_share_is_chosen(total, mesh, ran):
     errors = Errors(linear=0.01, quadratic=0.001)
     name, true, stated = chosen(errors, total)
     assert name == mesh and len(errors.ran) == ran
-    assert true <= stated * 1.1 and stated <= 0.6 * total
+    assert true <= stated * 1.1 and stated <= 0.8 * total
 
 
 def test_a_large_error_that_a_coarser_mesh_states_is_asked_of_a_finer_one():
@@ -110,7 +110,7 @@ def test_a_large_error_that_a_coarser_mesh_states_is_asked_of_a_finer_one():
 
 
 def test_elements_that_are_quadratic_stay_so_and_are_refined():
-    name, _, stated = chosen(Errors(0.0, quadratic=0.001), 0.002, "hex20")
+    name, _, stated = chosen(Errors(0.0, quadratic=0.001), 0.0015, "hex20")
     assert name == "elements of 0.5 times the size" and stated <= 0.0012
 
 
@@ -142,11 +142,11 @@ def test_a_run_chooses_states_and_keeps_its_total(tmp_path):
     document = json.loads(attrs["discretisation"])
     errors = [attrs[n] for n in ("discretisation_opening_l2", "solver_estimated_time_error")]
     errors.append(attrs.get("error_estimate_opening_l2", 0.0))
-    assert document["asked"] == 0.1 and sum(errors) <= 0.1 and errors[0] <= 0.06
+    assert document["asked"] == 0.1 and sum(errors) <= 0.1 and errors[0] <= 0.08
     assert sum(entry["chosen"] for entry in document["meshes"]) == 1
     assert "NOT kept" not in attrs["run_warnings"]
     code, text, _ = call("info", tmp_path / "out" / "pulse.nc")
-    assert code == 0 and "was chosen: the mesh may leave 6 % of the total of 10 %" in text
+    assert code == 0 and "was chosen: the mesh may leave 8 % of the total of 10 %" in text
     (tried,) = [line for line in text.splitlines() if line.startswith("meshes tried   ")]
     assert tried.count(" unknowns, ") == len(document["meshes"]) and ", chosen" in tried
 
