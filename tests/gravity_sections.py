@@ -7,14 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from romdam.config import parse_config
 from romdam.config.sections.job import Config
 from romdam.core.arrays import Floats
 from romdam.core.scene import Material, Scene
-from romdam.core.system import System
 from romdam.scene.build import build_scene
 
 FOOT = 0.3048
@@ -79,38 +76,3 @@ def section_scene(
     points = np.stack([x, up + y / 40.0 * (down - up), z], axis=1)
     moved = replace(block, points=points, material=section.material)
     return replace(scene, blocks={"a": moved}, fixed={"a": held}), config
-
-
-def inputs(system: System, omega: float, axis: int) -> Floats:
-    """What the load of a system multiplies, of unit ground acceleration exp(i omega t)."""
-    unit = np.eye(3)[axis]
-    return np.concatenate([unit, *(channel_inputs(drive, omega, axis) for drive in system.drives)])
-
-
-def channel_inputs(drive: Any, omega: float, axis: int) -> Floats:
-    """Velocity, waves of the sections and their rates, of unit ground acceleration exp(i omega t)."""
-    velocity = np.eye(3)[axis] / (1j * omega)
-    matrix = np.diag(drive.k - omega**2) + 1j * omega * drive.c
-    y = np.linalg.solve(matrix, drive.velocity @ velocity)
-    return np.concatenate([velocity, y, 1j * omega * y])
-
-
-def crest_response(system: System, omega: float, ratio: float = 0.01) -> float:
-    """Acceleration of the crest over that of the base, along y, with hysteretic damping of the dam."""
-    K = system.K.tocoo()
-    dam = (K.row < system.parts["a"].stop) & (K.col < system.parts["a"].stop)
-    factors = np.where(dam, 1.0 + 2j * ratio, 1.0)
-    hysteretic = csc_matrix((factors * K.data, (K.row, K.col)), shape=K.shape)
-    A = csc_matrix(hysteretic - omega**2 * system.M + 1j * omega * system.C)
-    u = splu(A).solve(-(system.load @ inputs(system, omega, 1)).astype(complex))
-    return float(abs(1.0 - omega**2 * (system.observe @ u)[1]))
-
-
-def first_period(system: System, low: float, high: float, tolerance: float = 1e-3) -> float:
-    """Period of the largest crest response between two, by golden sections [s]."""
-    ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    while high / low > 1.0 + tolerance:
-        left, right = high - ratio * (high - low), low + ratio * (high - low)
-        below = crest_response(system, 2 * np.pi / left) > crest_response(system, 2 * np.pi / right)
-        low, high = (low, right) if below else (left, high)
-    return 0.5 * (low + high)

@@ -40,8 +40,19 @@ ALLOWED = {
     "visual": {"postprocess", "results"},
     "export": {"contact", "effects", "fem", "geometry", "reduction", "scene"},
     "pipelines": EVERY_ROOM | {"surroundings"},  # of the process that workers are forked from
-    "terminal": {"error", "pipelines", "postprocess"},
-    "commands": {"examples", "pipelines", "records", "results", "surroundings", "terminal", "visual"},
+    # cases run whole jobs as a user does, and some parts of them alone
+    "benchmarks": EVERY_ROOM | {"examples", "pipelines"},
+    "terminal": {"benchmarks", "error", "pipelines", "postprocess"},
+    "commands": {
+        "benchmarks",
+        "examples",
+        "pipelines",
+        "records",
+        "results",
+        "surroundings",
+        "terminal",
+        "visual",
+    },
     "cli": {"commands", "surroundings"},
     "__main__": {"cli"},
     "__init__": {"pipelines", "results"},
@@ -61,7 +72,7 @@ TYPES = {
 }
 ANYWHERE = {"core", "config"}
 ONLY_IN = {
-    "xarray": {"core", "error", "pipelines", "postprocess", "results", "terminal", "visual"},
+    "xarray": {"benchmarks", "core", "error", "pipelines", "postprocess", "results", "terminal", "visual"},
     "matplotlib": {"visual"},
     "obspy": {"records"},
     "h5py": {"core", "export", "geometry", "reduction", "results"},

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from romdam.core.scene import Scene
 
-# rooms that show what was computed, or write it for other programs; every other room may move a number
-_SHOWING = ("commands", "examples", "export", "terminal", "visual")
+# rooms that show or compare what was computed, or write it for others; every other room may move a number
+_SHOWING = ("benchmarks", "commands", "examples", "export", "terminal", "visual")
 _LIBRARIES = ("numpy", "scipy", "numba")  # that multiply, factor and compile
 
 

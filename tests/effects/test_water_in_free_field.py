@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gravity_sections import channel_inputs
 from scipy.linalg import eigh
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 from simulating import simulated
 
+from romdam.benchmarks.frequency_response import channel_inputs
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.motion import Motion

@@ -1,0 +1,156 @@
+"""What a case of the benchmark set declares, and the rows that it gives.
+
+A case is declared once, with the answers of others and their sources, in the file of its subject. It builds
+its model as a user does, from a configuration, wherever a configuration can describe it.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from math import nan
+from typing import Literal
+
+from romdam.core.errors import ConfigError, describe_error, quote, recoverable
+from romdam.core.threads import one_thread
+
+# printed by who computed it, quoted by somebody else, an equation, computed with another code and not printed
+Kind = Literal["printed", "secondary", "closed form", "another code"]
+Verdict = Literal["within", "known difference", "outside", "failed"]
+WRONG: tuple[Verdict, ...] = ("outside", "failed")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number of a case that is compared.
+
+    Attributes
+    ----------
+    name : what it is
+    published : the answer of others [unit]
+    unit : SI unit, empty for a ratio
+    tolerance : largest relative difference from `published` that is within
+    source : publication with its year, and page or equation as far as they are known
+    kind : whether the source prints its own number, quotes another's, is an equation, or is another code
+    reason : why romdam's number is known to differ; empty where it should not
+    """
+
+    name: str
+    published: float
+    unit: str
+    tolerance: float
+    source: str
+    kind: Kind
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model with known answers.
+
+    Attributes
+    ----------
+    name : on the command line
+    what : the model in a sentence
+    quantities : what is compared
+    compute : romdam's numbers, in the order of `quantities`
+    """
+
+    name: str
+    what: str
+    quantities: tuple[Quantity, ...]
+    compute: Callable[[], Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of others with romdam's beside it.
+
+    Attributes
+    ----------
+    case, quantity, unit, published, tolerance, source, kind : as declared
+    ours : romdam's number [unit]; NaN where the case failed
+    difference : ours / published - 1; NaN where the case failed
+    verdict : within the tolerance, within it with a known reason to differ, outside, or failed
+    note : the reason of a known difference, or the error
+    """
+
+    case: str
+    quantity: str
+    unit: str
+    ours: float
+    published: float
+    difference: float
+    tolerance: float
+    verdict: Verdict
+    source: str
+    kind: Kind
+    note: str
+
+
+def select_cases(cases: Sequence[Case], pattern: str = "*") -> tuple[Case, ...]:
+    """The cases whose names a pattern with * and ? matches.
+
+    Raises
+    ------
+    ConfigError
+        naming the cases that are near, or all, where none matches.
+    """
+    chosen = tuple(case for case in cases if fnmatchcase(case.name, pattern))
+    if not chosen:
+        names = [case.name for case in cases]
+        near = difflib.get_close_matches(pattern.replace("*", ""), names, n=3)
+        near = near or [name for name in names if pattern.replace("*", "") in name]
+        raise ConfigError(
+            f"--only: none of {len(names)} cases is named {quote(pattern)}; "
+            + (f"near it are {', '.join(near)}" if near else f"there are {', '.join(names)}")
+        )
+    return chosen
+
+
+@one_thread()
+def run_cases(
+    cases: Sequence[Case], show: Callable[[str], AbstractContextManager[object]] = nullcontext
+) -> list[Row]:
+    """Compute the cases in their order; one that fails leaves rows that say so, and the others go on.
+
+    Parameters
+    ----------
+    show : tells a watcher which case is on
+    """
+    rows: list[Row] = []
+    for case in cases:
+        with show(case.name):
+            rows += _rows(case)
+    return rows
+
+
+def _rows(case: Case) -> Iterator[Row]:
+    message, ours = "", [nan] * len(case.quantities)
+    try:
+        ours = [float(value) for value in case.compute()]
+    except recoverable() as error:
+        message = describe_error(error)
+    for quantity, value in zip(case.quantities, ours, strict=True):
+        difference = value / quantity.published - 1.0
+        verdict: Verdict = "known difference" if quantity.reason else "within"
+        if message:
+            verdict = "failed"
+        elif not abs(difference) <= quantity.tolerance:  # NaN is outside too
+            verdict = "outside"
+        yield Row(
+            case.name,
+            quantity.name,
+            quantity.unit,
+            value,
+            quantity.published,
+            difference,
+            quantity.tolerance,
+            verdict,
+            quantity.source,
+            quantity.kind,
+            message or quantity.reason,
+        )

@@ -1,0 +1,5 @@
+"""The whole benchmark set, in the order of its table."""
+
+from romdam.benchmarks import contact, frequencies, two_cantilevers, uplift, water
+
+CASES = frequencies.CASES + water.CASES + contact.CASES + uplift.CASES + two_cantilevers.CASES

@@ -1,0 +1,88 @@
+"""The table of the benchmark set as a file: CSV, JSON or Markdown."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, fields
+from math import isfinite
+from pathlib import Path
+
+import romdam
+from romdam.benchmarks.case import Row
+from romdam.core.errors import ConfigError
+from romdam.core.files import prepare_folder, replacing
+from romdam.results.table import write_csv
+
+SUFFIXES = (".csv", ".json", ".md")
+_SIGNS = 6  # significant digits of a number in Markdown, as sources print at most
+
+
+def refuse_format(path: Path) -> None:
+    """Refuse a file of no known format, before anything is computed.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigError(
+            f"--out: {path}: the table is written as {', '.join(SUFFIXES)}; end the name in one of them"
+        )
+
+
+def write_rows(rows: Sequence[Row], path: Path) -> Path:
+    """Write the rows whole or not at all; what failed has no number.
+
+    Raises
+    ------
+    WriteError
+        where the folder or the disk refuses the file.
+    """
+    prepare_folder(path.parent)
+    if path.suffix.lower() == ".csv":
+        cells = (
+            ["" if isinstance(value, float) and not isfinite(value) else value for value in astuple(row)]
+            for row in rows
+        )
+        return write_csv([field.name for field in fields(Row)], cells, path)
+    text = _json(rows) if path.suffix.lower() == ".json" else _markdown(rows)
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+    return path
+
+
+def _json(rows: Sequence[Row]) -> str:
+    listed = [
+        {
+            name: None if isinstance(value, float) and not isfinite(value) else value
+            for name, value in asdict(row).items()
+        }
+        for row in rows
+    ]
+    document = {"romdam": romdam.__version__, "command": "benchmarks", "rows": listed}
+    return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
+
+
+def _markdown(rows: Sequence[Row]) -> str:
+    """The table, and below it the reasons of known differences and the errors."""
+    lines = [
+        f"romdam {romdam.__version__}, `romdam benchmarks`",
+        "",
+        "| case | quantity | unit | romdam | published | difference % | verdict | source |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        cells = (
+            row.case,
+            row.quantity,
+            row.unit,
+            f"{row.ours:.{_SIGNS}g}",
+            f"{row.published:.{_SIGNS}g}",
+            f"{100.0 * row.difference:.2g}",
+            row.verdict,
+            f"{row.source} ({row.kind})",
+        )
+        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
+    notes = dict.fromkeys(f"- {row.case}: {row.note}" for row in rows if row.note)
+    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"

@@ -1,0 +1,218 @@
+"""Water in a base joint: equilibrium by hand, cracked base of a rigid section, code_aster SSNP142F."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+from scipy.optimize import brentq
+
+from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.jobs import GRAVITY, Keys, at_rest
+
+LENGTH, WIDTH, HEIGHT, LEVEL = 10.0, 2.0, 8.0, 8.0  # of a block on rock, heel at y = 0, and its water [m]
+GAMMA = 1000.0 * GRAVITY  # unit weight of water [N/m3]
+HEAVY, LIGHT = 2400.0, 1300.0  # densities: the base stays closed, the heel opens [kg/m3]
+THRUST = GAMMA * WIDTH * LEVEL**2 / 2  # on the upstream face [N]
+DRAINED = ((0.0, 8.0), (1.3, 1.0 + 7.0 / 3.0), (LENGTH, 1.0))  # distance from the heel, head [m]
+USBR = "USBR, Engineering Monograph 19 (1977)"
+CRACKED_BASE = "cracked-base analysis, USACE EM 1110-2-2200 (1995), USBR EM 19 (1977)"
+SSNP142 = "code_aster validation manual, SSNP142F"
+REASON = "romdam does not redraw the diagram of static uplift beyond the tip of a crack"
+
+
+def resultant(heads: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """Force [N] and moment about the heel [N m] of a head that is linear between points."""
+    parts = [(a, b - a, p, q) for (a, p), (b, q) in pairwise(heads)]
+    force = sum(d * (p + q) / 2 for _, d, p, q in parts)
+    moment = sum(d * (a * (p + q) / 2 + d * (p + 2 * q) / 6) for a, d, p, q in parts)
+    return GAMMA * WIDTH * force, GAMMA * WIDTH * moment
+
+
+def crack_length(full: bool) -> float:
+    """Crack of a rigid section: the effective stress is linear, and nothing at the crack's tip [m].
+
+    Parameters
+    ----------
+    full : whether the crack has the reservoir's pressure; if not, the diagram of the closed joint
+    """
+    weight = LIGHT * GRAVITY * LENGTH * WIDTH * HEIGHT
+
+    def excess(a: float) -> float:
+        tip = LEVEL - (LEVEL - 1.0) / LENGTH * a
+        heads = [(0.0, LEVEL), (a, LEVEL), (a, tip), (LENGTH, 1.0)] if full else [(0.0, LEVEL), (LENGTH, 1.0)]
+        force, moment = resultant(heads)
+        from_toe = LENGTH - (weight * LENGTH / 2 + THRUST * LEVEL / 3 - moment) / (weight - force)
+        return LENGTH - 3.0 * from_toe - a
+
+    return float(brentq(excess, 0.1, 8.0))
+
+
+def _block(density: float, E: float, cells: int, water: Keys) -> xr.Dataset:
+    """State at rest of a block with water on its upstream face and in its base joint."""
+    boxes = {"rock": ([0, 0, -2], [WIDTH, LENGTH, 2]), "dam": ([0, 0, 0], [WIDTH, LENGTH, HEIGHT])}
+    joint = {"normal_stiffness": 1e10, "shear_stiffness": 1e10, "friction": 0.8}
+    level = {"level": LEVEL, "tailwater": 1.0, "downstream": [0, 1, 0]}
+    return at_rest(
+        {
+            "materials": {"concrete": {"E": E, "nu": 0.0, "rho": density}},
+            "blocks": {
+                name: {
+                    "material": "concrete",
+                    "box": {"origin": at, "size": size, "element_size": [size[0], LENGTH / cells, size[2]]},
+                }
+                for name, (at, size) in boxes.items()
+            },
+            "supports": [{"block": "rock", "face": "zmin"}],
+            "joints": {"base": {"between": ["rock", "dam"]} | joint},
+            "loads": {
+                "gravity": [0, 0, -GRAVITY],
+                "hydrostatic": [{"level": LEVEL, "faces": [{"block": "dam", "face": "ymin"}]}],
+                "joint_water": [{"joints": ["base"]} | level | water],
+            },
+            "model": {"order": "full"},
+        }
+    )
+
+
+def _drained() -> Sequence[float]:
+    state = _block(HEAVY, 3e10, 5, {"drains": {"at": 1.3, "rule": "usbr"}})
+    y, normal = state.gap_position.sel(component="y").values, np.abs(state.normal_force.values)
+    return [normal.sum(), normal @ y / normal.sum()]
+
+
+def _cracked() -> Sequence[float]:
+    found = []
+    for crack in ("unchanged", "full"):
+        state = _block(LIGHT, 3e13, 64, {"crack": crack})
+        y, closed = state.gap_position.sel(component="y").values, state.normal_force.values != 0.0
+        found.append(0.5 * (y[~closed].max() + y[closed].min()))
+    return found
+
+
+def _ssnp142f() -> Sequence[float]:
+    concrete = {"E": 3.0e12, "nu": 0.25, "rho": 2400.0}
+    water = {"joints": ["base_1"], "level": 9.0, "downstream": [0, 1, 0]}
+    found = []
+    for crack in ("full", "unchanged"):
+        state = at_rest(
+            {
+                "materials": {"concrete": concrete},
+                "gravity_dam": {
+                    "upstream": [[0, 0], [10, 0]],
+                    "downstream": [[0, 5], [10, 1.5]],
+                    "monoliths": [0.1],
+                    "base": 0,
+                    "material": "concrete",
+                    "element": "hex8",
+                    "divisions": {
+                        "along": 1,
+                        "through": 50,
+                        "up": 40,
+                        "depth": 12,
+                        "upstream": 12,
+                        "downstream": 12,
+                        "growth": 1.25,
+                    },
+                    "rock": {
+                        "material": "concrete",
+                        "mass": False,
+                        "depth": 5,
+                        "upstream": 5,
+                        "downstream": 5,
+                    },
+                    "joints": {
+                        "base": {
+                            "normal_stiffness": 1e12,
+                            "shear_stiffness": 1e12,
+                            "friction": 1.0,
+                            "tensile_strength": 100.0,
+                            "cohesion": 100e6,
+                        }
+                    },
+                },
+                "supports": [
+                    {"block": "monolith_1", "face": face, "fix": ["x"]} for face in ("left", "right")
+                ],
+                "loads": {
+                    "gravity": [0, 0, -GRAVITY],
+                    "hydrostatic": [
+                        {"level": 9.0, "faces": [{"block": "monolith_1", "face": "upstream"}]},
+                    ],
+                    "joint_water": [water | {"crack": crack}],
+                },
+                "model": {"order": "full"},
+            }
+        )
+        heel = int(np.argmin(state.gap_position.sel(component="y").values))
+        found.append(float(state.opening.values[heel]))
+    full, unchanged = found
+    return [full, full, unchanged]
+
+
+CASES = (
+    Case(
+        "uplift",
+        "block of 10 m by 8 m, water 8 m and 1 m deep, drains: effective normal force of the base",
+        (
+            Quantity(
+                "effective force",
+                HEAVY * GRAVITY * LENGTH * WIDTH * HEIGHT - resultant(DRAINED)[0],
+                "N",
+                1e-9,
+                f"weight less uplift; diagram of {USBR}",
+                "closed form",
+            ),
+            Quantity(
+                "its distance from the heel",
+                (
+                    HEAVY * GRAVITY * LENGTH**2 * WIDTH * HEIGHT / 2
+                    + THRUST * LEVEL / 3
+                    - resultant(DRAINED)[1]
+                )
+                / (HEAVY * GRAVITY * LENGTH * WIDTH * HEIGHT - resultant(DRAINED)[0]),
+                "m",
+                1e-9,
+                f"moments about the heel; diagram of {USBR}",
+                "closed form",
+            ),
+        ),
+        _drained,
+    ),
+    Case(
+        "cracked-base",
+        "the same of 1300 kg/m3 without drains: length of the crack; 64 elements along the base",
+        tuple(
+            Quantity(
+                f"length, crack: {crack}",
+                crack_length(crack == "full"),
+                "m",
+                0.05,
+                CRACKED_BASE,
+                "closed form",
+            )
+            for crack in ("unchanged", "full")
+        ),
+        _cracked,
+    ),
+    Case(
+        "ssnp142f",
+        "gravity dam of 10 m, base joint of 1e12 Pa/m and 100 Pa strength, 9 m of water: opening at the heel",
+        (
+            Quantity("opening, crack: full", 1.414e-6, "m", 0.2, SSNP142, "printed", REASON),
+            Quantity(
+                "opening, crack: full",
+                1.52e-6,
+                "m",
+                0.25,
+                f"GEFDYN, quoted by {SSNP142}",
+                "secondary",
+                REASON,
+            ),
+            Quantity("opening, crack: unchanged", 1.414e-6, "m", 0.75, SSNP142, "printed", REASON),
+        ),
+        _ssnp142f,
+    ),
+)
