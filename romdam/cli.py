@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 import romdam
+from romdam.commands.benchmarks import benchmarks
 from romdam.commands.caches import cache
 from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.examples import init
@@ -34,7 +35,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, view, records,
-    export, cache, schema,
+    export, benchmarks, cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

@@ -168,6 +168,18 @@ def open_terminal(quiet: bool = False, verbose: bool = False, as_json: bool = Fa
     return Stages(errors, quiet), say
 
 
+@contextmanager
+def only_errors(verbose: bool) -> Iterator[None]:
+    """Leave out warnings, such as of unusual values, where models are not a user's; not if `verbose`."""
+    logger = logging.getLogger("romdam")
+    level = logger.level
+    logger.setLevel(level if verbose else logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
 def complain(*lines: str) -> None:
     """Write to stderr what went wrong."""
     for line in lines:

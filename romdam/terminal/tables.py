@@ -15,8 +15,11 @@ from romdam.core.printable import one_line
 if TYPE_CHECKING:
     import xarray as xr
 
+    from romdam.benchmarks.case import Case, Row
     from romdam.pipelines.check import Check
     from romdam.postprocess.variant_tables import Table as VariantTable
+
+_ROUND_OFF = 5e-6  # relative difference that a table of benchmarks shows as none
 
 
 def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
@@ -222,6 +225,34 @@ def certificate_table(statement: Mapping[str, Any]) -> Table:
     for name, error in statement["error"].items():
         values = (error["l2"], error["peak"], same[name]["l2"], same[name]["peak"])
         table.add_row(name, *(f"{100 * value:.2g}" for value in values))
+    return table
+
+
+def cases_table(cases: Sequence[Case]) -> Table:
+    """Cases of the benchmark set, what they are, and the sources of their numbers."""
+    table = _table("Benchmarks", ("case", "model", "numbers", "sources"), ())
+    for case in cases:
+        sources = dict.fromkeys(f"{quantity.source} ({quantity.kind})" for quantity in case.quantities)
+        table.add_row(case.name, case.what, str(len(case.quantities)), "; ".join(sources))
+    return table
+
+
+def benchmarks_table(rows: Sequence[Row]) -> Table:
+    """A row for each number of the benchmark set: romdam's, that of others, and its source."""
+    table = _table("Benchmarks", ("case", "quantity"), ("romdam", "published", "difference [%]"))
+    table.add_column("")
+    table.add_column("source", overflow="fold")
+    for row in rows:
+        unit = f" [{row.unit}]" if row.unit else ""
+        table.add_row(
+            row.case,
+            f"{row.quantity}{unit}",
+            f"{row.ours:.5g}",
+            f"{row.published:.5g}",
+            "0" if abs(row.difference) < _ROUND_OFF else f"{100.0 * row.difference:+.2g}",
+            "" if row.verdict == "within" else row.verdict,
+            f"{row.source} ({row.kind})",
+        )
     return table
 
 

@@ -1,0 +1,135 @@
+"""The benchmark set: every number within its tolerance, sources, exit codes, files."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference_run import reference
+from test_cli import call
+
+from romdam.benchmarks import catalogue
+from romdam.benchmarks.case import Case, Quantity, run_cases, select_cases
+from romdam.benchmarks.catalogue import CASES
+from romdam.core.errors import ConfigError, ConvergenceError
+
+SLOW = {"pine-flat", "cracked-base", "ssnp142f", "two-cantilevers"}
+KNOWN = {"ssnp142f"}
+SOUGHT = "westergaard"  # a case that takes no time
+
+
+def by_name(name):
+    (case,) = [case for case in CASES if case.name == name]
+    return case
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(c.name, marks=[pytest.mark.slow] if c.name in SLOW else []) for c in CASES],
+)
+def test_every_number_is_within_its_tolerance(name):
+    for row in run_cases([by_name(name)]):
+        assert row.verdict == ("known difference" if name in KNOWN else "within"), row
+
+
+def test_every_number_has_a_source_and_a_tolerance():
+    names = [case.name for case in CASES]
+    assert len(set(names)) == len(names) and set(names) >= SLOW | KNOWN
+    for case in CASES:
+        assert case.what and case.quantities
+        for one in case.quantities:
+            assert one.source and one.published != 0.0 and 0.0 < one.tolerance <= 0.75, (case.name, one)
+            assert bool(one.reason) == (case.name in KNOWN)
+            assert one.reason or one.tolerance <= 0.05, "a wide tolerance needs a reason"
+
+
+def test_numbers_of_the_two_cantilevers_are_those_of_the_stored_histories():
+    """Of `tests/reference/two_cantilevers`, in which rows are 0.01 s apart: peaks between them are higher."""
+    _, top, gap, _ = reference()
+    stored = [gap.max(), np.abs(top[:, 1]).max(), np.abs(top[:, 4]).max()]
+    opening, _, left, right = (one.published for one in by_name("two-cantilevers").quantities)
+    assert [opening, left, right] == pytest.approx(stored, rel=2e-3)
+
+
+def fake(published=2.0, tolerance=0.01, reason="", ours=2.0):
+    quantity = Quantity("length", published, "m", tolerance, "Somebody (1999)", "printed", reason)
+    return Case("fake", "a rod", (quantity,), lambda: [ours])
+
+
+def test_verdicts():
+    (row,) = run_cases([fake()])
+    assert (row.verdict, row.difference, row.note) == ("within", 0.0, "")
+    assert run_cases([fake(published=2.1)])[0].verdict == "outside"
+    assert run_cases([fake(ours=float("nan"))])[0].verdict == "outside"
+    (row,) = run_cases([fake(published=2.1, tolerance=0.1, reason="because")])
+    assert (row.verdict, row.note) == ("known difference", "because")
+    assert run_cases([fake(published=2.1, reason="because")])[0].verdict == "outside"
+
+
+def test_a_case_that_fails_leaves_the_others():
+    def fails():
+        raise ConvergenceError("step 3")
+
+    rows = run_cases([replace(fake(), compute=fails), fake()])
+    assert [row.verdict for row in rows] == ["failed", "within"]
+    assert np.isnan(rows[0].ours) and rows[0].note == "step 3"
+
+
+def test_a_number_outside_its_tolerance_gives_exit_code_1(monkeypatch, tmp_path):
+    monkeypatch.setattr(catalogue, "CASES", (fake(published=2.1), fake()))
+    code, out, err = call("benchmarks", "--out", tmp_path / "t.json")
+    assert code == 1
+    assert "fake" in out and "outside" in out and "Somebody (1999) (printed)" in out
+    assert "fake, length: -4.76 % from Somebody (1999), limit 1 %" in err
+    assert "1 of 2 numbers" in err
+    rows = json.loads((tmp_path / "t.json").read_text())["rows"]
+    assert [row["verdict"] for row in rows] == ["outside", "within"]
+
+
+def test_unknown_patterns_and_formats_are_refused(tmp_path):
+    code, _, err = call("benchmarks", "--only", "kojna")
+    assert code == 2 and "none of" in err and "near it are koyna" in err
+    code, _, err = call("benchmarks", "--out", tmp_path / "t.xls", "--only", SOUGHT)
+    assert code == 2 and ".csv, .json, .md" in err and not list(tmp_path.iterdir())
+    with pytest.raises(ConfigError, match="nafems-fv52, nafems-fv32"):
+        select_cases(CASES, "nafems")
+    assert [case.name for case in select_cases(CASES, "nafems-*")] == ["nafems-fv32", "nafems-fv52"]
+
+
+def test_list_computes_nothing(monkeypatch):
+    def fails():
+        raise AssertionError
+
+    monkeypatch.setattr(catalogue, "CASES", tuple(replace(case, compute=fails) for case in CASES))
+    code, out, _ = call("benchmarks", "--list")
+    assert code == 0
+    for case in CASES:
+        assert case.name in out and all(one.source in out for one in case.quantities)
+
+
+def test_files_hold_the_whole_table(tmp_path):
+    for suffix in ("csv", "json", "md"):
+        code, out, _ = call("benchmarks", "--only", SOUGHT, "--out", tmp_path / "new" / f"t.{suffix}")
+        assert code == 0 and "written" in out
+    (row,) = run_cases([by_name(SOUGHT)])
+    with (tmp_path / "new" / "t.csv").open(newline="", encoding="utf-8") as file:
+        (cells,) = csv.DictReader(file)
+    assert float(cells["ours"]) == row.ours and cells["source"] == row.source and cells["verdict"] == "within"
+    document = json.loads((tmp_path / "new" / "t.json").read_text())
+    assert document["command"] == "benchmarks" and document["rows"][0]["published"] == row.published
+    text = (tmp_path / "new" / "t.md").read_text()
+    assert f"| {SOUGHT} | {row.quantity} |  | {row.ours:.6g} | {row.published:.6g} |" in text
+    assert len(list((tmp_path / "new").iterdir())) == 3
+
+
+def test_a_failed_case_is_an_empty_number_in_files(monkeypatch, tmp_path):
+    def fails():
+        raise ConvergenceError("step 3")
+
+    monkeypatch.setattr(catalogue, "CASES", (replace(fake(), compute=fails),))
+    for suffix in ("csv", "json"):
+        code, _, err = call("benchmarks", "--out", tmp_path / f"t.{suffix}")
+        assert code == 1 and "fake, length: step 3" in err
+    assert json.loads((tmp_path / "t.json").read_text())["rows"][0]["ours"] is None
+    assert "nan" not in (tmp_path / "t.csv").read_text()
