@@ -175,13 +175,14 @@ def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str
     are, are compressed in chunks of whole rows. Other histories would lose a seventh of their size for 0.015
     CPU-s a megabyte, and lie in one piece, in several where they are large.
     """
-    if name in SINGLE:
+    single = name in SINGLE and "time" in variable.dims
+    if single:
         variable = variable.astype(np.float32)
     kind, values = variable.dtype.kind, variable.values
     if kind in "OU":
         return {"dtype": "S1"} if variable.dims == (name,) else {}
     encoding: dict[str, Any] = {"_FillValue": None} if is_coordinate else {}
-    encoding |= {"dtype": values.dtype} if name in SINGLE else {}
+    encoding |= {"dtype": values.dtype} if single else {}
     worth = kind in "iu" or (kind == "f" and 2 * np.count_nonzero(values) < values.size)
     large = values.nbytes > _PIECE
     if not (worth or large) or variable.ndim == 0 or values.size == 0:

@@ -157,7 +157,7 @@ def test_the_jobs_own_setting_is_a_row_with_the_numbers_of_the_same_setting(stud
     [
         (
             {"meshes": ["twice"]},
-            r"dam.yaml: study.meshes: twice: .*blocks.left.box: has 1 elements .*out of the list",
+            r"dam.yaml:\d+: study.meshes: twice: .*blocks.left.box: has 1 elements .*out of the list",
         ),
         (
             {"element": "hex20", "meshes": ["quadratic"]},

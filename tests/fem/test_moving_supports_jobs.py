@@ -55,11 +55,12 @@ def test_results_and_statements_of_a_run(folder, tmp_path):
         moved = data.support_displacement.values
         assert data.support.values.tolist() == ["supports[1]", "supports[2]"]
         assert rebuilt.shape == (len(data.time), 2, 3)
+        single = 1e-6 * np.abs(bank).max()  # bases are written in single precision
         held = np.isclose(own.points("right")[:, 0], 30.0)
-        np.testing.assert_allclose(bank[:, held], np.tile(moved[:, 1:], (1, held.sum(), 1)), atol=1e-15)
+        np.testing.assert_allclose(bank[:, held], np.tile(moved[:, 1:], (1, held.sum(), 1)), atol=single)
         crest = own.displacement("middle")
         at = int(np.argmin(np.linalg.norm(own.points("middle") - [15, 0, 20], axis=1)))
-        np.testing.assert_allclose(crest.values[:, at], data.displacement.values[:, 1], atol=1e-12)
+        np.testing.assert_allclose(crest.values[:, at], data.displacement.values[:, 1], atol=single)
         true = l2(data.opening.values, reference.opening.values)
         estimate = data.attrs["error_estimate_opening_l2"]
         assert data.attrs["solver_ledger_imbalance"] < 1e-10

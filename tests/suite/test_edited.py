@@ -91,11 +91,11 @@ def test_failures_follow_their_records(tmp_path, monkeypatch):
     """The shorter record's run fails, under whatever name."""
     marching = suite_runs.simulate_motions
 
-    def failing(job, prepared, motions, duration):
+    def failing(job, prepared, motions, *rest):
         for motion in motions:
             if motion.acc.shape[1] == 60:
                 raise ConvergenceError(f"record {motion.name}: step 3 did not converge")
-        return marching(job, prepared, motions, duration)
+        return marching(job, prepared, motions, *rest)
 
     monkeypatch.setattr(suite_runs, "simulate_motions", failing)
     config = write_job(tmp_path, records=2, suite={"keep": "full", "scales": [1]})

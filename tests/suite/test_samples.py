@@ -68,7 +68,7 @@ def test_records_that_cannot_be_written_are_told_before_the_first_run(tmp_path):
           "scales": [1, 2]}, {}, "2 scales of 999999 samples are 2e+06 runs"),
         ({"keep": {"output_interval": "7 ms"}}, {}, "whole multiple of transient.finest_step"),
         ({"parameters": {"m": {"path": "joints.gap.frictoin", "values": [0.1]}}}, {}, "frictoin"),
-        ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint ''"),
+        ({"parameters": {"m": {"path": "joints..friction", "values": [0.1]}}}, {}, "no joint is ''"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_found_before_the_first_run(tmp_path, monkeypatch, suite, sections, part):
@@ -118,7 +118,7 @@ def test_a_table_of_a_spreadsheet_is_read(tmp_path):
     ("suite", "part"),
     [
         ({"parameters": {"E": {"path": "materials.concrete.E", "values": [1e10]}}}, "reduced basis"),
-        ({"parameters": {"m": {"path": "joints.none.friction", "values": [0.1]}}}, "no joint 'none'"),
+        ({"parameters": {"m": {"path": "joints.none.friction", "values": [0.1]}}}, "no joint is 'none'"),
         ({"parameters": {"m": {"path": "joints.gap.friction", "values": [3]}}}, "joints.gap.friction"),
         ({"parameters": {"m": {"path": "joints.gap.friction"}}}, "needs `values`"),
         ({"parameters": {"m": {"path": "joints.gap.friction", "low": 0.1}}}, "belong together"),

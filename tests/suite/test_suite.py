@@ -245,10 +245,10 @@ def test_run_that_fails_is_a_row_that_stays_failed(tmp_path, monkeypatch):
 
     real = suite_runs.simulate_motions
 
-    def fails(job, prepared, motions, duration):
+    def fails(job, prepared, motions, *rest):
         return [
             ConvergenceError("step 3: stopped") if m.name.startswith("r1") else h
-            for m, h in zip(motions, real(job, prepared, motions, duration), strict=True)
+            for m, h in zip(motions, real(job, prepared, motions, *rest), strict=True)
         ]
 
     monkeypatch.setattr(suite_runs, "simulate_motions", fails)
@@ -282,10 +282,10 @@ def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypat
 
     real = suite_runs.simulate_motions
 
-    def fails(job, prepared, motions, duration):
+    def fails(job, prepared, motions, *rest):
         if any(motion.name.startswith("r1") for motion in motions):
             raise MemoryError("too much")
-        return real(job, prepared, motions, duration)
+        return real(job, prepared, motions, *rest)
 
     monkeypatch.setattr(suite_runs, "simulate_motions", fails)
     assert made(write_job(tmp_path), tmp_path / "out").failures == {"r1__0__0": "MemoryError: too much"}
