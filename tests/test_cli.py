@@ -195,7 +195,8 @@ def test_five_lines_of_python(config, tmp_path):
     result = romdam.open_result(outcome.paths[0])
     top = result.dataset.displacement.sel(node="top").values
     node = int(np.abs(result.points("right") - [0, 0, 20]).sum(axis=1).argmin())
-    np.testing.assert_allclose(result.displacement("right", nodes=node).values[:, 0], top, atol=1e-15)
+    whole = result.displacement("right", nodes=node).values[:, 0]
+    np.testing.assert_allclose(whole, top, atol=1e-6 * np.abs(top).max())  # the basis is in single precision
     result.close()
 
 

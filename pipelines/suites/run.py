@@ -127,9 +127,9 @@ def run_suite(
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
         statement = state_mesh_error(plan, show, suite_store(plan.job, folder, options.cache))
+        rows, count = _make_missing(suite, plan, folder, pool, clock, tell)
         if statement is not None:
             tell(statement.sentence)
-        rows, count = _make_missing(suite, plan, folder, pool, clock, tell)
         with clock.stage("summary", "writing the summary"):
             row_of = {run.index: rows[run.key] for run in plan.runs if run.key in rows}
             summary = summary_dataset(plan.job, plan.scene, plan.design, plan.records, row_of)

@@ -105,6 +105,7 @@ def test_a_mesh_file_is_refined_as_often_as_asked(tmp_path):
         "records": [{"name": "r", "file": "r.txt", "unit": "g", "dt": 0.01, "components": {"x": 1}}],
         "model": {"modes": 4},
         "transient": {"finest_step": 1e-3},
+        "outputs": {"mesh_error": False},
     }
     config = parse_config(raw, "job")
     scene = build_scene(config, tmp_path, "job")
@@ -116,7 +117,8 @@ def test_a_mesh_file_is_refined_as_often_as_asked(tmp_path):
 
 @pytest.mark.parametrize("raw", [arch_dam(cantilevers=2), gravity_dam()], ids=["arch", "gravity"])
 def test_the_finer_mesh_of_a_dam_has_the_nodes_of_its_own(raw, tmp_path):
-    job = Job(parse_config(raw | REST, "job"), tmp_path / "job.yaml")
+    raw = raw | REST | {"outputs": {"mesh_error": False}}
+    job = Job(parse_config(raw, "job"), tmp_path / "job.yaml")
     own, finer = (build_scene(one.config, tmp_path, "job") for one in (job, on_finer_mesh(job)))
     arch = "C1" in own.blocks  # whose rock follows the contact and whose zones take whole cells
     for name, block in own.blocks.items():

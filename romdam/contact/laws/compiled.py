@@ -90,6 +90,7 @@ def _pointer(name: str, law: Any) -> _Pointer:
     try:
         with caching_by_content("" if source is None else source.sha256):
             names = {"law": njit(**options)(called), "GAVE_UP": GAVE_UP, "DONE": DONE, "FAILED": FAILED}
+            names["__name__"] = __name__  # where numba looks for the globals of what it reads from its cache
             calling = FunctionType(_CALLING[name].__code__, names, name)
             calling.__qualname__ = f"{law.__qualname__}.{name}"  # by which numba knows what it keeps
             return _Pointer(law, calling, _SIGNATURES[name])
