@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import romdam
 from romdam.core.motion import GroundMotion
+from romdam.results.dataset import SINGLE
 
 DT, SIZE = 0.01, 4.0
 TIME = np.arange(0.0, 2.0, DT)
@@ -87,6 +88,11 @@ def size_of(variable):
     return np.linalg.norm(variable.values, axis=-1) if "tangent" in variable.dims else variable.values
 
 
+def round_off(name):
+    """What a turn may change, relative: some histories are written in single precision."""
+    return 2e-7 if name in SINGLE else 1e-9
+
+
 def compare(folder, turn, laws, *, slides=False, transient=None, rows=None):
     transient = transient or {"finest_step": 0.00125}
     straight, turned = (result(folder, each, laws, slides, transient) for each in (np.eye(3), turn))
@@ -97,7 +103,7 @@ def compare(folder, turn, laws, *, slides=False, transient=None, rows=None):
         if name in straight:
             one, other = size_of(straight[name])[:rows], size_of(turned[name])[:rows]
             assert np.abs(one).max() > 0.0
-            assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max(), name
+            assert np.abs(one - other).max() <= round_off(name) * np.abs(one).max(), name
     return straight, turned
 
 
@@ -107,7 +113,7 @@ def test_a_turned_model_moves_as_before(tmp_path, name):
     straight, turned = compare(tmp_path, Rotation.from_rotvec(UPRIGHT).as_matrix(), LAWS[name])
     for variable in ("slip", "shear_force") if LAWS[name] else ():
         one, other = straight[variable].values, turned[variable].values
-        assert np.abs(one - other).max() <= 1e-9 * np.abs(one).max(), variable
+        assert np.abs(one - other).max() <= round_off(variable) * np.abs(one).max(), variable
 
 
 @pytest.mark.parametrize("name", ["friction", "static"])
