@@ -174,7 +174,7 @@ NOWHERE = [
     ("view", "none.nc"),
     ("records", "nowhere"), ("report", "nowhere"), ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
     ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"),
-    ("schema", "-o", "/dev/null/x"),
+    ("schema", "-o", "/dev/null/x"), ("benchmarks", "--only", "none"),
 ]  # fmt: skip
 
 
