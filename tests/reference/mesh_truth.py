@@ -176,7 +176,8 @@ def rows_of(statement: ErrorStatement, *, exact: bool = False) -> dict[str, tupl
     """
     rows = {name: (error.l2, error.peak) for name, error in statement.errors.items() if "stress" not in name}
     for kind in ("faces", "sections"):
-        for place, quantities in statement.details.get(kind, {}).items():
+        of_kind: Any = statement.details.get(kind, {})
+        for place, quantities in of_kind.items():
             for name, error in quantities.items():
                 headline = exact and kind == "faces"
                 peak = error["percentiles"]["98"] if headline else error["peak"]
