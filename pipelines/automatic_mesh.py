@@ -10,12 +10,10 @@ from romdam.config.load import Job
 from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh, on_quadratic_elements, with_mesh_of
 from romdam.config.sections.transient import MESH_SHARE
 from romdam.core.errors import ConfigError, MeshError, ReductionError
-from romdam.core.motion import GroundMotion
-from romdam.core.system import History
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, percent
 from romdam.pipelines.simulation import Model
-from romdam.postprocess.stress.summary import StressSummary
+from romdam.results.case import Case
 from romdam.timestepping.integrators.protocol import Progress
 
 MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
@@ -53,14 +51,7 @@ class MeshChoice:
     total: float
     statement: ErrorStatement
 
-    def state(
-        self,
-        model: Model,
-        history: History,
-        stress: StressSummary | None,
-        motion: GroundMotion,
-        progress: Progress,
-    ) -> ErrorStatement:
+    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State the error of the mesh in a run: that of the run which it was chosen on."""
         return self.statement
 

@@ -149,6 +149,7 @@ class Goal(NamedTuple):
     rock: bool
 
 
+MeshErrorSource = Sibling | NoSibling | MeshChoice  # they state the error of the mesh in a run
 Target = tuple[Goal, Callable[[], tuple[Model, dict[str, str]]]]
 
 
@@ -308,7 +309,7 @@ def _run_all(
     motions: Sequence[GroundMotion],
     target: Target,
     clock: Clock,
-    of_mesh: Sibling | NoSibling | MeshChoice | None,
+    of_mesh: MeshErrorSource | None,
     *,
     lone: bool,
 ) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
@@ -467,7 +468,7 @@ def run_motion(
     motion: GroundMotion,
     target: Target,
     clock: Clock,
-    of_mesh: Sibling | NoSibling | MeshChoice | None = None,
+    of_mesh: MeshErrorSource | None = None,
 ) -> FinishedRun:
     """Integrate one ground motion and write its result.
 
@@ -484,13 +485,12 @@ def run_motion(
     history, estimate = _estimated(job, model, motion, history, clock)
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
-    mesh_error = None
+    case, mesh_error = Case(model.scene, motion, history, stress), None
     if of_mesh is not None:
         with clock.stage("mesh", "stating the error of the mesh") as progress:
-            mesh_error = of_mesh.state(model, history, stress, motion, progress)
+            mesh_error = of_mesh.state(model, case, progress)
     with clock.stage("output", "writing the result"):
         timing = Timing(dict(clock.wall), dict(clock.cpu))
-        case = Case(model.scene, motion, history, stress)
         dataset = build_dataset(case, job, timing, files.get("model_file"))
         dataset.attrs.update(files, unknowns=model.system.size)
         path = folder / f"{motion.name}.nc"

@@ -198,3 +198,25 @@ def test_two_processes_that_keep_at_once_lose_nothing(tmp_path):
     """Numba reads the index, adds to it and writes it: the later of two would forget the earlier."""
     assert hits_at_once(tmp_path, ("float64", "int64"), 0.5) == ["0", "0"]
     assert hits_at_once(tmp_path, ("float64", "int64"), 0.0) == ["1", "1"]
+
+
+def test_functions_of_laws_with_memory_are_read_from_the_cache(tmp_path):
+    """Their globals have no file of their own: without a module's name numba read none and compiled again."""
+    code = (
+        "import logging, sys; logging.basicConfig(level=logging.INFO, stream=sys.stdout);"
+        "from romdam.contact.laws.bond import Bond; from romdam.contact.laws.crack_water import CrackWater;"
+        "from romdam.contact.laws.compiled import compiled; made = compiled((Bond, CrackWater));"
+        "functions = [one._function for group in made for one in group[:2]];"
+        "print('hits', sum(sum(one.stats.cache_hits.values()) for one in functions))"
+    )
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for _ in range(2)
+    ]
+    assert "hits 6" not in said[0] and "hits 6" in said[1] and "cannot be read" not in said[1]

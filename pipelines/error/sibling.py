@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from romdam.config.load import Job
 from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
 from romdam.core.errors import describe_error, recoverable
-from romdam.core.motion import GroundMotion
 from romdam.core.system import History
 from romdam.error.discretisation import MeshRun, discretisation, mesh_run
 from romdam.error.statement import ErrorStatement
@@ -15,6 +14,7 @@ from romdam.pipelines.simulation import Model, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.node_spectra import node_spectra
 from romdam.postprocess.stress.summary import StressSummary
+from romdam.results.case import Case
 from romdam.timestepping.integrators.protocol import Progress
 
 
@@ -26,24 +26,18 @@ class Sibling:
     model: Model
     finer: bool
 
-    def state(
-        self,
-        model: Model,
-        history: History,
-        stress: StressSummary | None,
-        motion: GroundMotion,
-        progress: Progress,
-    ) -> ErrorStatement:
+    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
 
         Parameters
         ----------
-        history, stress : of the run, as `stress_of` returns them
+        model : of the run
+        case : the run, its history and stress as `stress_of` returns them
         """
-        seconds = float(history.time[-1])
+        motion, seconds = case.motion, float(case.history.time[-1])
         try:
             other = simulate_motion(self.job, self.model.prepared, motion, seconds, progress)
-            pair = run_of(model, history, stress), run_with_stress(self.model, other)
+            pair = run_of(model, case.history, case.stress), run_with_stress(self.model, other)
             about = {"record": motion.name, "seconds": seconds}
             return discretisation(*pair, finer=self.finer, about=about)
         except recoverable() as error:
@@ -56,14 +50,7 @@ class NoSibling:
 
     why: str
 
-    def state(
-        self,
-        model: Model,
-        history: History,
-        stress: StressSummary | None,
-        motion: GroundMotion,
-        progress: Progress,
-    ) -> ErrorStatement:
+    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State that what the mesh changes is unknown, and why."""
         return unknown_mesh_error(self.why)
 

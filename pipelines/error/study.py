@@ -148,7 +148,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     else:
         compared = (_finer_reference if setup.on_finer_mesh else _reference)(setup, clock)
     cases = [_measure(setup, case, compared, clock) for case in _cases(setup, clock)]
-    cases.append(_own_case(setup, compared, clock))
+    cases.append(_case_of_job(setup, compared, clock))
     about = compared.about | {
         "record": motion.name,
         "compared": f"{motion.name}, {setup.compared:g} s of all openings against {compared.name}",
@@ -299,9 +299,9 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 
-def _own_case(setup: _Setup, reference: _Reference, clock: Clock) -> CaseResult:
+def _case_of_job(setup: _Setup, reference: _Reference, clock: Clock) -> CaseResult:
     """What the job's own setting gives, or the one that its accuracy comes to: mesh, modes and steps."""
-    own = Setting("", math.nan, "", 0, 0, of_job=True)
+    setting = Setting("", math.nan, "", 0, 0, of_job=True)
     try:
         job, choice = choose_mesh_and_modes(setup.job, [setup.motion], clock)
         variant = MeshVariant("as given" if choice is None else choice.name, "as given", job)
@@ -314,13 +314,13 @@ def _own_case(setup: _Setup, reference: _Reference, clock: Clock) -> CaseResult:
         basis = "all modes" if modes.keeps_all else f"{modes.count} modes"
         if modes.cutoff is not None:
             basis = f"below {modes.cutoff:g} Hz"
-        own = _setting(mesh, system, prepared, basis, modes.residual_vectors, model_cpu)
+        setting = _setting(mesh, system, prepared, basis, modes.residual_vectors, model_cpu)
         finest = settings_for(job, prepared, setup.motion).steps.finest
-        own = replace(own, finest_step=finest, of_job=True)
+        setting = replace(setting, finest_step=finest, of_job=True)
         run = partial(simulate_motion, job, prepared, setup.motion, setup.duration)
     except (ConfigError, MeshError, ReductionError, ConvergenceError) as error:
-        return failed_case(own, str(error))
-    return _measure(setup, _Case(own, mesh.scene, run), reference, clock)
+        return failed_case(setting, str(error))
+    return _measure(setup, _Case(setting, mesh.scene, run), reference, clock)
 
 
 def _setting(

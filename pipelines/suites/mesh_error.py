@@ -14,6 +14,7 @@ from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.plan import Plan
 from romdam.pipelines.suites.tasks import scaled
 from romdam.reduction.storage.model_file import BlockStore
+from romdam.results.case import Case
 
 
 def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStatement | None:
@@ -49,7 +50,8 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
             with clock.stage("mesh", f"stating the error of the mesh, {motion.name}") as progress:
                 history = simulate_motion(plan.job, model.prepared, motion, duration, progress)
                 history, stress = stress_of(model.scene, model.stress, history)
-                statements[run.factor] = sibling.state(model, history, stress, motion, progress)
+                case = Case(model.scene, motion, history, stress)
+                statements[run.factor] = sibling.state(model, case, progress)
     except recoverable() as error:
         return unknown_mesh_error(describe_error(error))
     scales = [

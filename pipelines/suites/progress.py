@@ -29,7 +29,7 @@ class Note:
         self._path = None if folder is None else folder / key
         self._runs, self._next = runs, 0.0
 
-    def part(self, first: float, last: float) -> Callable[[int, int], None]:
+    def report_stage(self, first: float, last: float) -> Callable[[int, int], None]:
         """What a stage of the task, from one share of its work to another, tells how far it is."""
         return lambda done, total: self._write(first + (last - first) * done / max(total, 1))
 

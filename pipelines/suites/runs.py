@@ -76,8 +76,8 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     models = {number: sample_model(suite, number) for number in samples}
     motions = [scaled(task.motions[run.record], run) for run in task.runs]
     note = Note(suite.notes, task.runs[0].key, len(task.runs))
-    told = note.part(0.0, _INTEGRATION)
-    outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions, told)
+    report = note.report_stage(0.0, _INTEGRATION)
+    outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions, report)
     spent = (time.perf_counter() - wall, time.process_time() - cpu)
     # each run has the share of the task's time that its own steps took
     cpu_seconds = [
@@ -87,12 +87,12 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     ]  # fmt: skip
     total = sum(cpu_seconds)
     shares = [seconds / total if total > 0.0 else 1.0 / len(outcomes) for seconds in cpu_seconds]
-    rows, told = list[Row](), note.part(_INTEGRATION, 1.0)
+    rows, report = list[Row](), note.report_stage(_INTEGRATION, 1.0)
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, shares, strict=True):
         if isinstance(outcome, Exception):
             rows.append(_failed(run, outcome))
             continue
-        told(len(rows), len(task.runs))
+        report(len(rows), len(task.runs))
         clock = (share * spent[0], share * spent[1])
         try:
             rows.append(_row(suite, models[run.index[2]], run, motion, outcome, clock))

@@ -152,7 +152,7 @@ def _march(system: System, acc: Floats, dt: float, stride: int = 1) -> History:
     )
 
 
-def _one_gap(K_n: float, friction: float, opening: float) -> GapLaw:
+def _wall_law(K_n: float, friction: float, opening: float) -> GapLaw:
     one = np.ones(1)
     gaps = {"wall": slice(0, 1)}
     return GapLaw(K_n * one, 0.0 * one, np.inf * one, np.full((1, 2), friction), opening * one, gaps)
@@ -169,7 +169,7 @@ def _dry_friction() -> Sequence[float]:
         [1, 1, 1],
         [1e4, 0, 0],
         _TABLE,
-        _one_gap(np.inf, 0.1, 0.0),
+        _wall_law(np.inf, 0.1, 0.0),
         force=[1e4 * start, 0, -10],
         shaken=[0, 0, 0],
     )
@@ -180,7 +180,7 @@ def _dry_friction() -> Sequence[float]:
 def _spring_impact() -> Sequence[float]:
     """Started at rest 0.1 m from the spring's rest, where the stop is, the mass meets it with 1 m/s."""
     dt, reached = 1e-5, np.pi / 20
-    system = _few_masses([100], [1e4], [[-1]], _one_gap(1e6, 0.0, 0.1), force=[1e3], shaken=[0])
+    system = _few_masses([100], [1e4], [[-1]], _wall_law(1e6, 0.0, 0.1), force=[1e3], shaken=[0])
     history = _march(system, np.zeros(round(0.55 / dt) + 1), dt)
     force, time = history.traction[:, 0, 0], history.time
     first = time < reached + 0.1
@@ -194,22 +194,22 @@ def _spring_impact() -> Sequence[float]:
 
 
 def _shaken_base() -> Sequence[float]:
-    dt, stride, found = 2e-4, 5, []
+    dt, stride, powers = 2e-4, 5, []
     t = np.arange(round(12.0 / dt) + 1) * dt
     for size in (15.0, 1.5):
         system = _few_masses(
             [1, 1, 1],
             [0, 0, 0],
             _TABLE,
-            _one_gap(np.inf, 0.1, 0.0),
+            _wall_law(np.inf, 0.1, 0.0),
             force=[0, 0, -10],
             shaken=[1, 0, 0],
         )
         history = _march(system, size * np.sin(2 * np.pi * t), dt, stride)
         late = history.time >= 4.0 - 1e-9
         power = 10.0 * np.abs(history.vel[late, 0])
-        found.append(float(np.trapezoid(power, history.time[late])) / 8.0)
-    return found
+        powers.append(float(np.trapezoid(power, history.time[late])) / 8.0)
+    return powers
 
 
 CASES = (

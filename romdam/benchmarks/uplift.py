@@ -84,18 +84,18 @@ def _drained() -> Sequence[float]:
 
 
 def _cracked() -> Sequence[float]:
-    found = []
+    lengths = []
     for crack in ("unchanged", "full"):
         state = _block(LIGHT, 3e13, 64, {"crack": crack})
         y, closed = state.gap_position.sel(component="y").values, state.normal_force.values != 0.0
-        found.append(0.5 * (y[~closed].max() + y[closed].min()))
-    return found
+        lengths.append(0.5 * (y[~closed].max() + y[closed].min()))
+    return lengths
 
 
 def _ssnp142f() -> Sequence[float]:
     concrete = {"E": 3.0e12, "nu": 0.25, "rho": 2400.0}
     water = {"joints": ["base_1"], "level": 9.0, "downstream": [0, 1, 0]}
-    found = []
+    openings = []
     for crack in ("full", "unchanged"):
         state = at_rest(
             {
@@ -147,8 +147,8 @@ def _ssnp142f() -> Sequence[float]:
             }
         )
         heel = int(np.argmin(state.gap_position.sel(component="y").values))
-        found.append(float(state.opening.values[heel]))
-    full, unchanged = found
+        openings.append(float(state.opening.values[heel]))
+    full, unchanged = openings
     return [full, full, unchanged]
 
 

@@ -224,9 +224,9 @@ def _unit(annotation: Any) -> str | None:
     if get_origin(annotation) is Annotated:
         inner = [*annotation.__metadata__, annotation.__origin__]
     for part in inner:
-        found = unit_of(getattr(part, "func", None)) if hasattr(part, "func") else _unit(part)
-        if found is not None:
-            return found
+        unit = unit_of(getattr(part, "func", None)) if hasattr(part, "func") else _unit(part)
+        if unit is not None:
+            return unit
     return None
 
 

@@ -153,11 +153,13 @@ class GroundMotion:
         known = ", ".join(str(trace.id) for trace in traces) or "none"
         chosen = {}
         for axis, code in components.items():
-            found = [trace for trace in traces if code in (trace.id, trace.stats.channel)]
-            if len(found) != 1:
-                remedy = "merge or select them first" if found else f"its traces are {known}"
-                raise RecordError(f"stream: {len(found)} traces are of channel {code!r}, limit 1; {remedy}")
-            chosen[axis] = found[0]
+            matching = [trace for trace in traces if code in (trace.id, trace.stats.channel)]
+            if len(matching) != 1:
+                remedy = "merge or select them first" if matching else f"its traces are {known}"
+                raise RecordError(
+                    f"stream: {len(matching)} traces are of channel {code!r}, limit 1; {remedy}"
+                )
+            chosen[axis] = matching[0]
         if not chosen:
             raise RecordError(f'stream: components is empty; give {{"x": channel}}, its traces are {known}')
         first, *others = chosen.values()

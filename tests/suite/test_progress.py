@@ -61,8 +61,8 @@ def test_notes_of_several_tasks_add_up(tmp_path, monkeypatch):
     monkeypatch.setattr(progress_module, "_EVERY", 0.01)
     told = []
     with watched(tmp_path, 10, lambda done, total: told.append((done, total))) as end_task:
-        Note(tmp_path, "a", 4).part(0.0, 0.5)(1, 2)  # a quarter of four runs
-        Note(tmp_path, "b", 6).part(0.5, 1.0)(1, 3)  # two thirds of six
+        Note(tmp_path, "a", 4).report_stage(0.0, 0.5)(1, 2)  # a quarter of four runs
+        Note(tmp_path, "b", 6).report_stage(0.5, 1.0)(1, 3)  # two thirds of six
         (tmp_path / "c").write_text("half writ")
         time.sleep(0.1)
         end_task(4, "a")

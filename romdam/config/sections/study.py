@@ -54,7 +54,7 @@ class StudyConfig(Model):
     """Runs of each setting; the median CPU time counts."""
 
     @model_validator(mode="after")
-    def _one_reference(self) -> Self:
+    def _refuse_reference_on_the_same_mesh(self) -> Self:
         if self.varies_mesh and self.reference != "auto":
             raise ValueError(
                 f"`reference: {self.reference}` is a run on the mesh as given, which cannot show the error "
