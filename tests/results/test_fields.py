@@ -6,10 +6,13 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
+from gravity_dams import DIVISIONS, gravity_dam
 
+import romdam
 from romdam import open_result
 from romdam.core import sealed
 from romdam.core.errors import ResultError
+from romdam.core.motion import GroundMotion
 from romdam.results import fields
 from romdam.results.dataset import build_dataset, write_dataset
 from romdam.results.fields import write_model
@@ -46,6 +49,28 @@ def test_rock_is_left_out_unless_the_job_asks_for_it(case, job, timing, tmp_path
         np.testing.assert_allclose(disp, expected, atol=2e-7 * np.abs(expected).max())
         with pytest.raises(ResultError, match=r"rock, of block 'right' too, was not kept; .*\{rock: true\}"):
             opened.displacement("right")
+
+
+def test_a_run_keeps_the_dam_and_rock_where_it_is_asked_for(tmp_path):
+    """Three monoliths on rock: the same displacement of the dam either way, and that of rock on request."""
+    raw = gravity_dam(divisions=DIVISIONS | {"through": 1, "up": 2, "depth": 1, "banks": 1})
+    raw |= {
+        "damping": {"rayleigh": {"frequencies": [3.0, 20.0], "ratio": 0.05}},
+        "loads": {"gravity": [0, 0, -9.81]},
+        "model": {"modes": 2},
+        "transient": {"finest_step": 0.01},
+    }
+    motion = GroundMotion.from_arrays("pulse", {"y": np.sin(np.linspace(0.0, 6.28, 21))}, 0.01)
+    kept = {}
+    for rock in (False, True):
+        raw["outputs"] = {"plots": False, "error_estimate": False, "mesh_error": False, "rock": rock}
+        outcome = romdam.run(raw, tmp_path / str(rock), motions=motion)
+        kept[rock] = outcome.results[0]
+    dam = [name for name in kept[True].blocks if not name.startswith("rock")]
+    assert kept[False].blocks == dam and len(kept[True].blocks) == 2 * len(dam) + 2
+    whole = kept[True].displacement("monolith_2").values
+    assert np.abs(kept[True].displacement("rock_2").values).max() > 0.0
+    np.testing.assert_array_equal(kept[False].displacement("monolith_2").values, whole)
 
 
 def test_mesh_comes_with_the_result(result, case):
