@@ -445,6 +445,26 @@ _FAULTS = [
         ("tolerance * np.linalg.norm(R, axis=0)\n", "tolerance * np.linalg.norm(R) * np.ones(R.shape[1])\n"),
     ),
     *_in(
+        "error/discretisation.py",
+        ("tests/error/test_mesh_error.py", "-k", "quadratic"),
+        ("if run.quadratic and not finer else factor", "if run.quadratic else factor"),
+    ),
+    *_in(
+        "pipelines/run.py",
+        ("tests/error/test_total_accuracy.py", "-k", "a_run_chooses"),
+        ("min(left / 2.0, MOST_ACCURACY)", "min(left, MOST_ACCURACY)"),
+    ),
+    *_in(
+        "pipelines/run.py",
+        ("tests/error/test_mesh_error.py", "-k", "every_run"),
+        ('finer = asked == "finer"', 'finer = asked != "coarser"'),
+    ),
+    *_in(
+        "pipelines/error/study.py",
+        ("tests/error/test_study_meshes.py", "-k", "scene_and_reduction"),
+        ("cpu_time() - start, prepare(job, system)", "0.0, prepare(job, system)"),
+    ),
+    *_in(
         "pipelines/cost.py",
         ("tests/test_cost.py", "-k", "share or costs_are or length"),
         ("(seconds - slope * more) / _PARTS + slope", "(seconds - slope * more) + slope"),

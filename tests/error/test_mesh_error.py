@@ -200,6 +200,9 @@ def test_what_moves_converges_faster_on_quadratic_elements():
         assert stated.errors[name].l2 == pytest.approx(value, rel=1e-9)
     assert stated.details["nodes"]["top"]["displacement"]["l2"] == pytest.approx(0.02, rel=1e-9)
     assert stated.details["error_over_difference"] == 0.2 and "0.2 of the difference" in stated.sentence
+    stated = discretisation(replace(sibling, quadratic=True), run, finer=True, about=ABOUT)
+    for name in expected:  # 1.5 of it to a finer mesh, whatever the elements
+        assert stated.errors[name].l2 == pytest.approx(0.15, rel=1e-9)
 
 
 def test_joints_that_meet_are_compared_each_with_itself():

@@ -1,6 +1,7 @@
 """Studies of meshes and contact points: the cheapest setting for each error, and errors that runs confirm."""
 
 import copy
+import itertools
 import math
 from types import SimpleNamespace
 from typing import get_args
@@ -184,6 +185,14 @@ def test_meshes_that_are_not_there_are_refused_before_anything_runs(changes, mes
     for does in (lambda job: romdam.study(job, tmp_path / "out"), romdam.check):
         with pytest.raises(ConfigError, match=message):
             does(job_on(tmp_path, raw_job(**changes)))
+
+
+def test_scene_and_reduction_both_count(tmp_path, monkeypatch):
+    """On a clock of one second a look, a scene takes one and a reduction one; the job's own setting too."""
+    looks = itertools.count()
+    monkeypatch.setattr(pipeline, "cpu_time", lambda: float(next(looks)))
+    study = romdam.study(job_on(tmp_path, raw_job(meshes=["as_given"])), tmp_path / "out")
+    assert study.dataset.model_cpu_seconds.values.tolist() == [2.0, 2.0]
 
 
 def test_stiffness_of_a_gap_is_refused_with_other_gaps(tmp_path):

@@ -143,6 +143,7 @@ def test_a_run_chooses_states_and_keeps_its_total(tmp_path):
     errors = [attrs[n] for n in ("discretisation_opening_l2", "solver_estimated_time_error")]
     errors.append(attrs.get("error_estimate_opening_l2", 0.0))
     assert document["asked"] == 0.1 and sum(errors) <= 0.1 and errors[0] <= 0.08
+    assert attrs["solver_accuracy"] == pytest.approx((0.1 - errors[0]) / 2.0)  # half of what the mesh leaves
     assert sum(entry["chosen"] for entry in document["meshes"]) == 1
     assert "NOT kept" not in attrs["run_warnings"]
     code, text, _ = call("info", tmp_path / "out" / "pulse.nc")
