@@ -1,8 +1,9 @@
-"""The report of several runs: their summary, the records' spectra and a picture of the scene on one page."""
+"""The report of one run, or of several: one page, and a PDF of the same where one is asked for."""
 
 from __future__ import annotations
 
 import json
+import logging
 import shlex
 import tempfile
 from collections.abc import Sequence
@@ -14,27 +15,38 @@ import xarray as xr
 
 from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
-from romdam.core.errors import ConfigError, ResultError
+from romdam.core.display_units import SI, US, UnitSystem
+from romdam.core.errors import ConfigError, ResultError, RomdamError
+from romdam.core.files import replacing
 from romdam.core.scene import Scene
+from romdam.error.statement import opening_errors, sentences
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.responses import response_of
 from romdam.results.dataset import write_dataset
+from romdam.results.fields import open_result
+from romdam.results.stored_run import FOLDER
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
 from romdam.results.suite.rows import RunIndex
 from romdam.results.suite.summary import SUMMARY, kept_results, open_summary
 from romdam.scene.build import build_scene
-from romdam.visual.report.sections import write_report
+from romdam.visual.report.document import A4, LETTER, write_document
+from romdam.visual.report.one_run import RunSubject, run_report
+from romdam.visual.report.page import page
+from romdam.visual.report.parts import Report
+from romdam.visual.report.sections import suite_report
 from romdam.visual.report.subject import Subject, Topic, responses
+
+log = logging.getLogger(__name__)
 
 _BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes neither scene nor records
 
 
 @dataclass(frozen=True)
 class ReportOptions:
-    """The subject of a report.
+    """The subject of a report of several runs.
 
     Attributes
     ----------
@@ -48,9 +60,59 @@ class ReportOptions:
     thresholds: Sequence[str | float] = ()
 
 
+def report_run(path: Path, system: UnitSystem = SI, *, pdf: bool = False, show: Stage = silent) -> list[Path]:
+    """Write the report of one run beside its result, as <result>-report.html.
+
+    Parameters
+    ----------
+    path : of the result
+    system : units of the report
+    pdf : whether the same is written as <result>-report.pdf too; with US customary units its paper is letter
+    show : told of every stage
+
+    Raises
+    ------
+    RomdamError
+        where the file is no result, its joint laws are of a file that is gone, or the folder refuses a file.
+    """
+    clock, name = Clock(show), path.with_name(f"{path.stem}-report")
+    with open_result(path) as result:
+        attrs = result.dataset.attrs
+        folder = path.parent / str(attrs[FOLDER]) if FOLDER in attrs else path.parent
+        stated = json.loads(str(attrs["configuration"]))
+        config = parse_config(stated, f"{path}: configuration", folder=folder, si=True)
+        with clock.stage("scene", "drawing the scene"):
+            try:
+                drawn = _picture(build_scene(config, folder, str(path)), system)
+            except RomdamError as error:  # a mesh file that is gone, for example
+                log.info("no picture of the scene: %s", error)
+                drawn = None
+        with clock.stage("report", "writing the report"):
+            command = ["romdam", "report", path.name, *(["--units", "us"] if system is US else [])]
+            command += ["--pdf"] if pdf else []
+            said = {str(kind): sentence for kind, sentence in sentences(attrs).items()}
+            dataset, errors = result.dataset.load(), opening_errors(attrs)
+            subject = RunSubject(dataset, config, errors, said, system, drawn, shlex.join(command))
+            return _write(run_report(subject), name, LETTER if system is US else A4, pdf=pdf)
+
+
+def _write(made: Report, name: Path, paper: tuple[float, float], *, pdf: bool) -> list[Path]:
+    """Write a page, and a PDF where asked for, whole or not at all."""
+    path = name.with_name(f"{name.name}.html")
+    text = page(made)
+    with replacing(path) as unfinished:
+        unfinished.write_text(text, encoding="utf-8")
+    return [path, *([write_document(made, name.with_name(f"{name.name}.pdf"), paper)] if pdf else [])]
+
+
 def report(
-    folder: str | Path, options: ReportOptions | None = None, job: Job | None = None, show: Stage = silent
-) -> Path:
+    folder: str | Path,
+    options: ReportOptions | None = None,
+    job: Job | None = None,
+    show: Stage = silent,
+    *,
+    pdf: bool = False,
+) -> list[Path]:
     """Write `report.html` beside the summary of a suite, or of a plain job's records.
 
     Parameters
@@ -60,6 +122,7 @@ def report(
     job : their configuration, for the records' spectra and a picture of the scene; without it those
         that an earlier report left in the folder are shown, if there are any
     show : told of every stage
+    pdf : whether `report.pdf` is written too
 
     Raises
     ------
@@ -92,7 +155,7 @@ def report(
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
             subject = Subject(summary, topic, data, picture or None, _files(summary, folder))
-            return write_report(subject, folder)
+            return _write(suite_report(subject), folder / "report", A4, pdf=pdf)
 
 
 def _files(summary: xr.Dataset, folder: Path) -> dict[RunIndex, list[tuple[str, str]]]:
@@ -153,7 +216,7 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
         )
 
 
-def _picture(scene: Scene) -> bytes | None:
+def _picture(scene: Scene, system: UnitSystem = SI) -> bytes | None:
     """A PNG of the scene; None where this machine draws no 3-D pictures."""
     from romdam.visual.rendering import refuse_without_renderer
     from romdam.visual.scene_view import draw_scene
@@ -163,4 +226,4 @@ def _picture(scene: Scene) -> bytes | None:
     except ResultError:
         return None
     with tempfile.TemporaryDirectory() as temporary:
-        return draw_scene(scene, Path(temporary) / "scene.png").read_bytes()
+        return draw_scene(scene, Path(temporary) / "scene.png", system=system).read_bytes()

@@ -14,6 +14,7 @@ from romdam.core.html.card import card
 from romdam.core.printable import one_line, plain_cell, printable
 from romdam.results.table import write_csv
 from romdam.visual.report.page import page
+from romdam.visual.report.parts import Report
 
 EVIL = "\x1b]0;owned\x07\x1b[2Jdam\x9b31m\u202etxt\nerror          0 %"
 OBEYED = set("\x1b\x07\x9b\u202e\r\u2028")
@@ -54,7 +55,7 @@ def test_errors_and_logs_write_controls_out(tmp_path):
 
 
 def test_pages_and_cards_write_controls_out():
-    for text in (page(EVIL, EVIL, ()), card(EVIL, EVIL, {EVIL: EVIL})):
+    for text in (page(Report(EVIL, EVIL, (), ())), card(EVIL, EVIL, {EVIL: EVIL})):
         assert "owned" in text and not OBEYED & set(text)
 
 

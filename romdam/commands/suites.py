@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 import romdam
 from romdam.commands.options import STOPPED, Config, Quiet, Verbose
 from romdam.surroundings import search_what_comes
+
+Units = Literal["si", "us"]
 
 if TYPE_CHECKING:
     from romdam.config.load import Job
@@ -63,31 +65,58 @@ def write_page(job: Job, out: Path, stages: Stages) -> list[str]:
 
 
 def report(
-    folder: Annotated[
-        Path, typer.Argument(help="Folder that several runs, or a suite, were written to.", metavar="DIR")
+    source: Annotated[
+        Path,
+        typer.Argument(help="Result of one run, or folder of several runs or a suite.", metavar="RESULT|DIR"),
     ],
+    pdf: Annotated[bool, typer.Option("--pdf", help="The same as a PDF too.")] = False,
+    units: Annotated[
+        Units | None, typer.Option(help="Of the report of one run: si, or us for US customary units.")
+    ] = None,
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="YAML file of the runs: spectra and the scene, where DIR lacks them."),
+        typer.Option(
+            "--config", help="YAML file of several runs: spectra and the scene, where DIR lacks them."
+        ),
     ] = None,
     response: Annotated[
         str | None, typer.Option(help="Such as peak_opening (largest joint), the suite's first if not given.")
     ] = None,
-    intensity: Annotated[str, typer.Option(help="Measure of the records, or scale.")] = "sa",
+    intensity: Annotated[
+        str | None, typer.Option(help="Measure of the records, or scale; sa if not given.")
+    ] = None,
     threshold: Annotated[
         list[str] | None, typer.Option(help='Of a fragility, such as "20 mm"; give it again for more.')
     ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Write DIR/report.html, a page of the summary of several runs that needs no network."""
-    from romdam.pipelines.report import ReportOptions
-    from romdam.pipelines.report import report as write
+    """Write the report of one run beside it, or DIR/report.html of several; pages need no network.
+
+    That of one run has assumptions, loads, checks, tables, acceptance and limits.
+    """
+    from romdam.core.display_units import SI, US
+    from romdam.pipelines.report import ReportOptions, report_run
+    from romdam.pipelines.report import report as report_runs
     from romdam.terminal import open_terminal
 
+    of_runs = {"--config": config, "--response": response, "--intensity": intensity, "--threshold": threshold}
+    one_run = not source.is_dir()
+    for option, value in of_runs.items() if one_run else (("--units", units),):
+        if value is not None:
+            raise typer.BadParameter(
+                f"is for {'folders of several runs' if one_run else 'the result of one run'}, {source} is "
+                f"{'a file' if one_run else 'a folder, whose report is in SI'}",
+                param_hint=option,
+            )
     stages, say = open_terminal(quiet, verbose)
-    job = romdam.load_config(config) if config else None
-    say(f"written: {write(folder, ReportOptions(response, intensity, tuple(threshold or ())), job, stages)}")
+    if one_run:
+        written = report_run(source, US if units == "us" else SI, pdf=pdf, show=stages)
+    else:
+        job = romdam.load_config(config) if config else None
+        options = ReportOptions(response, intensity or "sa", tuple(threshold or ()))
+        written = report_runs(source, options, job, stages, pdf=pdf)
+    say(*(f"written: {path}" for path in written))
 
 
 def clean(

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from romdam.core.display_units import SI, UnitSystem
 from romdam.core.round_off import without_round_off
 from romdam.core.system import SLIP
 from romdam.postprocess.sliding import mean_slip
@@ -41,7 +42,7 @@ _MOVES = 0.02  # of the largest component, below which one is not drawn
 
 
 def component_panels(
-    dataset: xr.Dataset, vectors: xr.DataArray, dim: str, what: str
+    dataset: xr.Dataset, vectors: xr.DataArray, dim: str, what: str, system: UnitSystem
 ) -> tuple[Figure, list[Axes]]:
     """Vectors (time, dim, component) along the stream, across it and up: a panel for each that moves."""
     along = {
@@ -49,7 +50,7 @@ def component_panels(
         for name, axis in directions(dataset).items()
     }
     _, factor, unit = scaled(
-        xr.concat(along.values(), "along"), "m"
+        xr.concat(along.values(), "along"), "m", system
     )  # one unit, so that panels can be compared
     least = _MOVES * max(float(abs(values).max()) for values in along.values())
     moving = {name: values for name, values in along.items() if float(abs(values).max()) > least}
@@ -65,15 +66,17 @@ def component_panels(
     return figure, axes
 
 
-def joint_displacements(dataset: xr.Dataset) -> Figure | None:
+def joint_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Mean displacement of block J relative to block I of every joint since the start, by direction."""
     if "joint_displacement" not in dataset:
         return None
-    figure, axes = component_panels(dataset, dataset.joint_displacement, "joint", "relative displacement")
+    figure, axes = component_panels(
+        dataset, dataset.joint_displacement, "joint", "relative displacement", system
+    )
     return finish(figure, axes, dataset, "Relative displacement across the joints, J over I, mean over each")
 
 
-def joint_slip(dataset: xr.Dataset) -> Figure | None:
+def joint_slip(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Slip of the gap that slips most against time, and its range, one panel for each joint that slides.
 
     The number is the peak over all steps, whose time is not kept: its dot is at the largest written row.
@@ -86,7 +89,7 @@ def joint_slip(dataset: xr.Dataset) -> Figure | None:
         return None
     size = np.hypot(*dataset.slip.transpose("tangent", ...).values)
     values, factor, unit = scaled(
-        xr.DataArray(size, dims=("time", "gap"), coords={"time": dataset.time}), "m"
+        xr.DataArray(size, dims=("time", "gap"), coords={"time": dataset.time}), "m", system
     )
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
     for ax, name in zip(axes, names, strict=True):
@@ -111,7 +114,7 @@ def joints_of_kinds(names: Iterable[str]) -> dict[str, list[str]]:
     return kinds
 
 
-def sliding_histories(dataset: xr.Dataset) -> Figure | None:
+def sliding_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Factor of safety against sliding, and slip of block J over block I since the start.
 
     A pair of panels for each kind of joint, those of one unit: base_1, base_2, ... are of the kind base.
@@ -120,7 +123,7 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
         return None
     kinds = joints_of_kinds(map(str, dataset.joint.values))
     figure, axes = new_figure(rows=2 * len(kinds), height=2.4 if len(kinds) == 1 else 1.9)
-    slip, _, unit = scaled(mean_slip(dataset), "m")
+    slip, _, unit = scaled(mean_slip(dataset), "m", system)
     factors = dataset.sliding_safety_factor
     known = factors.values[np.isfinite(factors.values)]
     lowest = float(known.min(initial=1.0))
@@ -156,13 +159,13 @@ def sliding_histories(dataset: xr.Dataset) -> Figure | None:
     return finish(figure, axes, dataset, "Sliding, along the joint")
 
 
-def dissipated_energies(dataset: xr.Dataset) -> Figure | None:
+def dissipated_energies(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Energy that the gaps of each joint have dissipated since the start, the largest at the end first."""
     if "dissipated_energy" not in dataset or not float(dataset.dissipated_energy[-1].max()) > 0.0:
         return None
     gaps, joints = dataset.dissipated_energy, dataset.gap_joint.values
     totals = xr.concat([gaps[:, joints == name].sum("gap") for name in dataset.joint.values], "joint")
-    values, _, unit = scaled(totals.assign_attrs(gaps.attrs), "J")
+    values, _, unit = scaled(totals.assign_attrs(gaps.attrs), "J", system)
     last = without_round_off(values[:, -1])
     figure, axes = new_figure(rows=1, height=2.6)
     for rank, k in enumerate(np.argsort(-values[:, -1].values, kind="stable")):

@@ -17,6 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
+from romdam.core.display_units import SI, UnitSystem
 from romdam.core.files import replacing
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.postprocess.maxima import peak_opening_time
@@ -55,28 +56,29 @@ _NAMED = 6  # joints that never open, in a title
 _WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
-def ground_motion(dataset: xr.Dataset) -> Figure:
+def ground_motion(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
     """Ground acceleration of every shaken component."""
     acc = dataset.ground_acceleration
     shaken = [c for c in acc.component.values if float(abs(acc.sel(component=c)).max()) > 0.0] or ["x"]
     figure, axes = new_figure(rows=len(shaken), height=1.9)
+    size, unit = system.suited("m s-2", 1.0)
     for ax, component in zip(axes, shaken, strict=True):
-        row = acc.sel(component=component)
+        row = acc.sel(component=component) / size
         ax.plot(acc.time, row, color=COLOURS[0], lw=0.7)
-        mark_peak(ax, row, "{:.2f} m/s²")
-        ax.set_ylabel(f"ground acc. {component}\n[m/s²]")
+        mark_peak(ax, row, f"{{:.2f}} {unit}")
+        ax.set_ylabel(f"ground acc. {component}\n[{unit}]")
     return finish(figure, axes, dataset, "Ground motion")
 
 
-def top_displacements(dataset: xr.Dataset) -> Figure | None:
+def top_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Displacement of the output nodes along the stream, across it and up; a panel for each that moves."""
     if "displacement" not in dataset:
         return None
-    figure, axes = component_panels(dataset, dataset.displacement, "node", "displacement")
+    figure, axes = component_panels(dataset, dataset.displacement, "node", "displacement", system)
     return finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
 
 
-def joint_opening(dataset: xr.Dataset) -> Figure | None:
+def joint_opening(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Largest opening of each joint against time, one panel a joint; marked is the peak over all steps.
 
     An opening that does not move has no mark.
@@ -85,7 +87,7 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
         return None
     names = list(dataset.joint.values)
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
-    every, factor, unit = scaled(dataset.opening, "m")  # one unit, so that panels can be compared
+    every, factor, unit = scaled(dataset.opening, "m", system)  # one unit, so that panels can be compared
     for ax, name in zip(axes, names, strict=True):
         values = every[:, dataset.gap_joint.values == name]
         ax.fill_between(
@@ -102,7 +104,7 @@ def joint_opening(dataset: xr.Dataset) -> Figure | None:
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 
 
-def opening_envelope(dataset: xr.Dataset) -> Figure | None:
+def opening_envelope(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Largest opening of every gap over the joint's face, one map a joint that opens, with its largest."""
     if "gap_peak_opening" not in dataset:
         return None
@@ -122,9 +124,9 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
     # each joint's gaps in its own plane: the local axis nearest to vertical up, the other across
     chosen = {name: dataset.gap_joint.values == name for name in names}
     planes = {name: _plane_axes(dataset.gap_tangent.values[chosen[name]].mean(axis=0)) for name in names}
-    faces = {}
+    faces, (foot, length) = {}, system.foot
     for name, (across, up) in planes.items():
-        position = dataset.gap_position.values[chosen[name]]
+        position = dataset.gap_position.values[chosen[name]] / foot
         faces[name] = position @ across, position @ up
     # width over height of the faces, kept between what a figure can show
     shapes = [float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 4.0)) for x, y in faces.values()]
@@ -140,22 +142,22 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
     }
     for ax in {*grid.ravel()} - {*of_name.values()}:
         ax.set_visible(False)
-    peaks, _, unit = scaled(dataset.gap_peak_opening, "m")
+    peaks, _, unit = scaled(dataset.gap_peak_opening, "m", system)
     peaks = peaks[np.isin(dataset.gap_joint.values, names)]
     joints = dataset.gap_joint.values[np.isin(dataset.gap_joint.values, names)]
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     for name, ax in of_name.items():
         (x, y), (across, up), values = faces[name], planes[name], peaks.values[joints == name]
         if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
-            mesh = within_outline(x, y, float(dataset.gap_area.values[chosen[name]].sum()))
+            mesh = within_outline(x, y, float(dataset.gap_area.values[chosen[name]].sum()) / foot**2)
             ax.tripcolor(mesh, values, norm=norm, cmap="viridis", shading="gouraud")
             ax.scatter(x, y, s=2, color="white", lw=0)
         else:  # gaps in a row have no face
             ax.scatter(x, y, c=values, s=24, norm=norm, cmap="viridis", lw=0)
         ax.grid(visible=False)
         ax.set_aspect("equal")
-        ax.set_xlabel(f"{axis_name(across, 'across')} [m]")
-        ax.set_ylabel(f"{axis_name(up, 'up')} [m]")
+        ax.set_xlabel(f"{axis_name(across, 'across')} [{length}]")
+        ax.set_ylabel(f"{axis_name(up, 'up')} [{length}]")
         ax.set_title(f"{name}: {float(values.max()):.3g} {unit}", fontsize=8)
     bar = mpl.cm.ScalarMappable(norm, "viridis")
     figure.colorbar(bar, ax=list(grid.ravel()), label=f"largest opening [{unit}]", shrink=0.85)
@@ -166,7 +168,7 @@ def opening_envelope(dataset: xr.Dataset) -> Figure | None:
     return figure
 
 
-def energy_ledger(dataset: xr.Dataset) -> Figure:
+def energy_ledger(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
     """Draw where the energy is: stacked parts against input and what rested at the start, and the imbalance.
 
     What the time stepping takes is one part: of its two terms only the sum is never negative. A dam with
@@ -179,7 +181,7 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     nonzero = [p for p in parts if values[p].any()]
     at_rest = float(sum(row[0] for row in values.values())) - float(dataset.energy_input[0])
     figure, axes = new_figure(rows=2, height=2.6, ratios=(3, 1))
-    supplied, factor, unit = scaled(dataset.energy_input + at_rest, "J")
+    supplied, factor, unit = scaled(dataset.energy_input + at_rest, "J", system)
     stack = [values[p] * factor for p in nonzero]
     labels = [_ENERGY_LABELS.get(p, p) for p in nonzero]
     colours = [COLOURS[parts.index(p)] for p in nonzero]  # the same part has the same colour in every figure
@@ -193,7 +195,7 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
     axes[0].set_ylabel(f"energy [{unit}]")
     most = float(abs(supplied).max())
     residual = dataset.energy_residual.copy(data=without_round_off(dataset.energy_residual, most / factor))
-    imbalance, _, unit = scaled(residual, "J")
+    imbalance, _, unit = scaled(residual, "J", system)
     axes[1].plot(dataset.time, imbalance, color=COLOURS[0], lw=0.8)
     if not imbalance.any():  # a closed ledger
         axes[1].set_ylim(-1.0, 1.0)
@@ -204,7 +206,7 @@ def energy_ledger(dataset: xr.Dataset) -> Figure:
 
 _ENERGY_LABELS = {"joint_stored": "joint springs", "contact": "time stepping"}
 
-FIGURES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
+FIGURES: dict[str, Callable[[xr.Dataset, UnitSystem], Figure | None]] = {
     "ground_motion": ground_motion,
     "top_displacements": top_displacements,
     "joint_opening": joint_opening,
@@ -231,7 +233,7 @@ def write_plots(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
     paths = []
     for name, draw in FIGURES.items():
         with mpl.rc_context(STYLE):
-            figure = draw(dataset)
+            figure = draw(dataset, SI)
             if figure is not None:
                 paths.append(save_figure(figure, folder / f"{stem}-{name}.png"))
     return paths

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
+from romdam.core.display_units import SI, UnitSystem
 from romdam.core.scene import Block, Scene
 from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
@@ -31,7 +32,7 @@ _DIRECTIONS = (np.array([-1.0, -1.6, 0.9]), np.array([1.0, 1.6, 0.9]))
 _LEGEND = 16  # entries that a legend can take
 
 
-def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
+def draw_scene(scene: Scene, path: Path, title: str = "", system: UnitSystem = SI) -> Path:
     """Draw a scene from two sides, upstream first where the water says which that is.
 
     Where there is rock, the second panel leaves it out and shows the dam alone.
@@ -58,8 +59,9 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
     labels = []
     for name, block in scene.blocks.items():
         material = block.material
-        density = f"{material.rho:.0f} kg/m³" if material.rho > 0.0 else "massless"
-        text = f"{name}: {block.element}, {material.E / 1e9:.3g} GPa, {density}"
+        (rho, density), (E, stress) = system.suited("kg m-3", material.rho), system.suited("Pa", material.E)
+        mass = f"{material.rho / rho:.0f} {density}" if material.rho > 0.0 else "massless"
+        text = f"{name}: {block.element}, {material.E / E:.3g} {stress}, {mass}"
         labels.append((text, colours[name]))
     if len(labels) > _LEGEND:
         labels = [*labels[: _LEGEND - 1], (f"and {len(labels) - _LEGEND + 1} more blocks", "white")]
@@ -68,7 +70,8 @@ def draw_scene(scene: Scene, path: Path, title: str = "") -> Path:
         gaps = sum(len(joint.gap) for joint in scene.joints.values())
         lines.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
     if scene.reservoir is not None:
-        lines.append((f"water to {scene.reservoir.level:g} m", WATER))
+        foot, length = system.foot
+        lines.append((f"water to {scene.reservoir.level / foot:.4g} {length}", WATER))
     with mpl.rc_context(STYLE):
         figure, _ = image_panels(images, title)
         handles: list[Artist] = [Patch(facecolor=c, edgecolor=EDGES, label=text) for text, c in labels]

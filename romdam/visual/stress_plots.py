@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from romdam.core.arrays import Floats
+from romdam.core.display_units import SI, UnitSystem
 from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS, Limits
 from romdam.postprocess.stress.summary import duration_above
 from romdam.visual.style import COLOURS, GREY, finish, legend_below, new_figure, scaled
 
 
-def stress_histories(dataset: xr.Dataset) -> Figure | None:
+def stress_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Major principal, cantilever and arch stress of the named nodes, one panel a node."""
     if "stress_probe" not in dataset:
         return None
@@ -29,7 +30,7 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
             "cantilever": of_probe.vertical_stress,
             "arch": of_probe.arch_stress,
         }
-        _, factor, unit = scaled(abs(of_probe.principal_stress), "Pa")
+        _, factor, unit = scaled(abs(of_probe.principal_stress), "Pa", system)
         for k, (label, values) in enumerate(lines.items()):
             if values.notnull().any():
                 ax.plot(dataset.time, values * factor, color=COLOURS[k], lw=0.8, label=label)
@@ -42,7 +43,7 @@ def stress_histories(dataset: xr.Dataset) -> Figure | None:
     return finish(figure, axes, dataset, "Stress, tension positive")
 
 
-def stress_sections(dataset: xr.Dataset) -> Figure | None:
+def stress_sections(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Force, moment and linearised stress of every section over time, one row a section."""
     if "section_force" not in dataset:
         return None
@@ -52,11 +53,12 @@ def stress_sections(dataset: xr.Dataset) -> Figure | None:
     kinds = (("force", "axis", "N"), ("moment", "axis", "N m"), ("stress", "side", "Pa"))
     for column, (kind, dim, unit) in zip(axes.T, kinds, strict=True):
         values, dim = dataset[f"section_{kind}"], f"section_{dim}"
+        size, name_of_unit = system.suited(unit, 1e6)
         for ax, name in zip(column, names, strict=True):
             for k, along in enumerate(values[dim].values):
-                force = 1e-6 * values.sel({"section": name, dim: along})
+                force = values.sel({"section": name, dim: along}) / size
                 ax.plot(dataset.time, force, color=COLOURS[k], lw=0.8, label=str(along))
-            ax.set_ylabel(f"{name}\n{kind} [M{unit}]")
+            ax.set_ylabel(f"{name}\n{kind} [{name_of_unit}]")
         column[0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=4 if kind == "stress" else 3,
                          fontsize=7, columnspacing=0.8, handlelength=1.2)  # fmt: skip
         column[-1].set_xlabel("time [s]")
@@ -67,7 +69,7 @@ def stress_sections(dataset: xr.Dataset) -> Figure | None:
     return figure
 
 
-def stress_damage(dataset: xr.Dataset) -> Figure | None:
+def stress_damage(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
     """Duration and extent of stress above multiples of the strength, beside the limits of linear analysis.
 
     Durations are linear up to the largest limit and logarithmic above, so that limits and curves both show.
@@ -109,8 +111,10 @@ def stress_damage(dataset: xr.Dataset) -> Figure | None:
         for ax, values in zip(axes, (limits.duration_at(ratio), np.full(2, limits.area)), strict=False):
             ax.plot(ratio, values, color="black", lw=1.8, ls=style, label=f"limit, {kind}s")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3 if faces else 2)
+    strength = float(dataset.tensile_strength)
+    size, unit = system.suited("Pa", strength)
     figure.suptitle(
-        f"Stress above the tensile strength of {float(dataset.tensile_strength) / 1e6:.3g} MPa\n"
+        f"Stress above the tensile strength of {strength / size:.3g} {unit}\n"
         f"outside the ring; dashed: of the change  ·  {dataset.attrs['record']}",
         fontsize=9, x=0.02, ha="left",
     )  # fmt: skip

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from romdam.core.arrays import Floats
+from romdam.core.display_units import SI, UnitSystem
 from romdam.core.round_off import NOTHING
 
 # Okabe and Ito's palette, told apart with any colour vision
@@ -48,7 +49,6 @@ _LEGEND_ROW, _LEGEND_PAD = 0.19, 0.14  # inches of a legend
 _COLUMNS = 4  # of a legend at most
 LINES = ("-", "--", ":")  # of what shares a colour
 _NEAR = 0.99  # cosine of the angle below which a direction has an axis' name
-_PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 
 
 def new_figure(
@@ -60,8 +60,12 @@ def new_figure(
     return figure, list(grid[:, 0])
 
 
-def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
-    """Values in a unit whose prefix keeps the largest between 1 and 1000.
+def scaled(values: xr.DataArray, units: str, system: UnitSystem = SI) -> tuple[xr.DataArray, float, str]:
+    """Values in a unit that suits the largest of them.
+
+    Parameters
+    ----------
+    units : of the values, as files state them
 
     Returns
     -------
@@ -69,9 +73,9 @@ def scaled(values: xr.DataArray, unit: str) -> tuple[xr.DataArray, float, str]:
     """
     largest = float(abs(values).max()) if values.size else 0.0
     if largest < NOTHING:  # round-off is drawn and told as 0
-        return values * 0.0, 0.0, unit
-    size, prefix = next(((s, p) for s, p in _PREFIXES if largest >= s), (1.0, ""))
-    return values / size, 1.0 / size, prefix + unit
+        return values * 0.0, 0.0, system.suited(units, 0.0)[1]
+    size, unit = system.suited(units, largest)
+    return values / size, 1.0 / size, unit
 
 
 def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:

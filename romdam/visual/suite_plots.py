@@ -15,38 +15,23 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from romdam.core.arrays import Floats
+from romdam.core.display_units import SI, UnitSystem, unit_text
 from romdam.postprocess.responses import intensity_of, response_of
 from romdam.visual.style import COLOURS, GREY, scaled
 
 WIDTH = 4.8  # [in]
-_PREFIXED = ("m", "N", "Pa", "J", "N m-3", "N m-1")  # units that take a prefix which suits the numbers
 _MOST_LINES = 300
 _PANELS = 4  # scales of a scatter
-SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
-def unit_text(units: str) -> str:
-    """A unit as in print: `m s-2` becomes m/s², `1` becomes nothing."""
-    above: list[str] = []
-    below: list[str] = []
-    for word in units.split():
-        name = word.rstrip("-0123456789")
-        power = int(word[len(name) :] or 1)
-        if name:
-            (above if power > 0 else below).append(
-                name + (str(abs(power)).translate(SUPERSCRIPTS) if abs(power) > 1 else "")
-            )
-    text = " ".join(above) or ("1" if below else "")
-    return f"{text}/{' '.join(below)}" if below else text
-
-
-def display_unit(values: xr.DataArray | Floats | float, units: str) -> tuple[float, str]:
+def display_unit(
+    values: xr.DataArray | Floats | float, units: str, system: UnitSystem = SI
+) -> tuple[float, str]:
     """The factor and the unit that numbers are shown with."""
-    if units not in _PREFIXED:
+    if not system.converts(units):
         return 1.0, unit_text(units)
     finite = np.asarray(values, dtype=float)
-    name = "Pa/m" if units == "N m-3" else unit_text(units)
-    _, factor, unit = scaled(xr.DataArray(finite[np.isfinite(finite)]), name)
+    _, factor, unit = scaled(xr.DataArray(finite[np.isfinite(finite)]), units, system)
     return factor, unit
 
 

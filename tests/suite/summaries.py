@@ -8,6 +8,9 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from romdam.core.arrays import Floats
+from romdam.visual.report.page import page
+from romdam.visual.report.sections import suite_report
+from romdam.visual.report.subject import Subject
 
 RUNS = ("record", "scale", "sample")
 
@@ -58,3 +61,8 @@ def lognormal_curves(
     capacity = theta * np.exp(beta * rng.standard_normal((records, 1, 1)))
     sa = np.broadcast_to(levels, (records, len(levels)))
     return summary_of((sa[..., None] / capacity) ** 1.3, sa), capacity.ravel()
+
+
+def suite_page(subject: Subject) -> str:
+    """The page of a suite, as text."""
+    return page(suite_report(subject))

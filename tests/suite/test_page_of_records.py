@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 import yaml
 from suite_jobs import BASE, made, write_job
+from summaries import suite_page
 from test_report import Page, rows_of, suite_summary
 from typer.testing import CliRunner
 
@@ -26,7 +27,6 @@ from romdam.results import table
 from romdam.results.suite.report_data import DATA
 from romdam.results.table import write_tables
 from romdam.visual.report import runs
-from romdam.visual.report.sections import report_html
 from romdam.visual.report.subject import Subject, Topic
 from romdam.visual.suite_plots import correlation_figure, scatter_figure
 
@@ -101,7 +101,7 @@ def test_one_quantity_has_one_sign_on_a_page():
     about = {"units": "Pa", "long_name": "stress, compression negative"}
     values = -1e6 - 1e8 * summary.peak_opening.values
     summary["peak_compressive_stress"] = (summary.peak_opening.dims, values, about)
-    text = report_html(Subject(summary, Topic()))
+    text = suite_page(Subject(summary, Topic()))
     (row,) = [one for one in rows_of(text, "responses") if one and "compressive" in one[0]]
     largest = float(np.abs(values).max()) / 1e6
     assert float(row[6]) == pytest.approx(largest, rel=1e-3) and all(float(one) > 0.0 for one in row[3:7])
@@ -200,7 +200,7 @@ def test_what_the_end_would_refuse_is_refused_before_the_first_run(tmp_path, mon
 
 def test_runs_are_told_by_the_values_of_their_parameters():
     summary = with_unit(suite_summary(samples=3))
-    text = report_html(Subject(summary, Topic()))
+    text = suite_page(Subject(summary, Topic()))
     rows = [row for row in rows_of(text, "runs") if row]
     assert len(rows) == summary.status.size and "no. 2" not in text
     assert {row[2] for row in rows} == {"0", "2.5", "5"} and "gap [mm]" in text
@@ -212,7 +212,7 @@ def test_runs_are_told_by_the_values_of_their_parameters():
 
 def test_a_long_table_has_the_largest_and_says_where_the_others_are(monkeypatch):
     monkeypatch.setattr(runs, "MOST_ROWS", 7)
-    text = report_html(Subject(suite_summary(), Topic()))
+    text = suite_page(Subject(suite_summary(), Topic()))
     assert len([row for row in rows_of(text, "runs") if row]) == 7
     assert "The 7 runs of the largest peak opening, of 60; all are in summary.csv." in text
 
@@ -234,7 +234,7 @@ def test_upper_bound_where_none_exceeds():
     found = [none_exceeds(n) for n in (1, 3, 5, 20)]
     assert found == pytest.approx([0.95, 0.63160, 0.45072, 0.13911], abs=1e-5)
     summary = suite_summary()
-    text = report_html(Subject(summary, Topic(thresholds=(10.0,))))
+    text = suite_page(Subject(summary, Topic(thresholds=(10.0,))))
     assert "at most 25.9 %" in rows_of(text, "fragility")[1][5]  # ten records of twelve ran
     assert "None of 10 records exceeds" in text and "at most 1 - 0.05^(1/10) = 25.9 % would" in text
     # the bound of the largest of n: it holds in 95 % of many samples, whatever the distribution
@@ -273,7 +273,7 @@ document.title = said.join("|");
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
 def test_script_sorts_and_filters_in_a_browser(tmp_path):
     summary = with_unit(suite_summary(records=3, scales=1, samples=3, failed=1))
-    text = report_html(Subject(summary, Topic()))
+    text = suite_page(Subject(summary, Topic()))
     text = re.sub("<meta http-equiv=.*?>", "", text)  # lets no other script run
     (tmp_path / "page.html").write_text(text.replace("</body>", f"<script>{DRIVER}</script></body>"))
     flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}"]

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 import xarray as xr
 from cf_files import flaws
-from summaries import lognormal_curves, summary_of
+from summaries import lognormal_curves, suite_page, summary_of
 from typer.testing import CliRunner
 
 from romdam.cli import app
 from romdam.config.load import load_config
+from romdam.core.display_units import unit_text
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.motion import GroundMotion
 from romdam.pipelines.report import ReportOptions, report
@@ -25,10 +26,8 @@ from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
 from romdam.visual.report.joint_map import opening_map, outline_of, plane_of
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import Cell, Section, Table, number
-from romdam.visual.report.sections import report_html
+from romdam.visual.report.parts import Cell, Report, Section, Table, number
 from romdam.visual.report.subject import Subject, Topic
-from romdam.visual.suite_plots import unit_text
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
 
@@ -101,7 +100,7 @@ def rows_of(text, section):
 
 
 def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
-    text = report_html(Subject(suite_summary(samples=9), Topic()))
+    text = suite_page(Subject(suite_summary(samples=9), Topic()))
     page = Page(text)
     assert page.open == []
     assert all(link.startswith(("data:image/", "#")) for link in page.links)
@@ -124,7 +123,7 @@ def test_page_is_whole_and_asks_for_nothing_from_elsewhere():
 
 def test_numbers_on_the_page_are_those_of_the_summary():
     summary = suite_summary()
-    text = report_html(Subject(summary, Topic(thresholds=(0.02,))))
+    text = suite_page(Subject(summary, Topic(thresholds=(0.02,))))
     peaks = 1e3 * np.sort(summary.peak_opening.values[np.isfinite(summary.peak_opening.values)])
     worst = [row for row in rows_of(text, "worst") if row]
     assert [row[2] for row in worst[:3]] == [number(v) for v in peaks[::-1][:3]]
@@ -152,7 +151,7 @@ def test_compressions_and_energies_say_what_they_are():
     stored[0] = 5.0
     about = {"units": "J", "long_name": "kinetic energy, at the end"}
     summary["energy_kinetic"] = (opening.dims[:3], stored, about)
-    text = report_html(Subject(summary, Topic()))
+    text = suite_page(Subject(summary, Topic()))
     mean, instant = (f"peak compressive stress, {of}" for of in ("mean of a writing interval", "one instant"))
     rows = [row for row in rows_of(text, "responses") if row]
     names = [row[0] for row in rows]
@@ -170,20 +169,20 @@ def test_texts_of_files_stay_texts():
     summary.attrs["configuration_file"] = HOSTILE
     summary["message"] = summary.message.copy(data=np.full(summary.message.shape, HOSTILE))
     summary = summary.assign_coords(record=[f"{HOSTILE}{i}" for i in range(12)], joint=[HOSTILE])
-    text = report_html(Subject(summary.assign_coords(gap_joint=("gap", [HOSTILE] * 10)), Topic()))
+    text = suite_page(Subject(summary.assign_coords(gap_joint=("gap", [HOSTILE] * 10)), Topic()))
     assert text.count("<script") == 1 and HOSTILE not in text and "alert" in text
     assert Page(text).open == []
 
 
 @pytest.mark.parametrize("failed", [12, 0])
 def test_suite_where_everything_or_nothing_failed_has_a_page(failed):
-    text = report_html(Subject(suite_summary(failed=failed), Topic()))
+    text = suite_page(Subject(suite_summary(failed=failed), Topic()))
     assert Page(text).open == []
     assert f"{60 if failed else 'None'} of 60 runs failed" in text
 
 
 def test_suite_of_one_run_has_a_page_that_says_what_it_cannot_have():
-    text = report_html(Subject(suite_summary(records=1, scales=1, failed=0), Topic()))
+    text = suite_page(Subject(suite_summary(records=1, scales=1, failed=0), Topic()))
     assert "no record has runs at two intensities" in text
     assert "No correlation: neither response nor measures vary" in text
 
@@ -192,14 +191,14 @@ def test_suite_without_joints_has_a_page():
     summary = suite_summary().drop_dims(["gap", "joint"])
     runs = ("record", "scale", "sample")
     peak = np.random.default_rng(2).uniform(0.01, 0.1, (12, 5, 1))
-    text = report_html(Subject(summary.assign(peak_displacement=(runs, peak, {"units": "m"})), Topic()))
+    text = suite_page(Subject(summary.assign(peak_displacement=(runs, peak, {"units": "m"})), Topic()))
     assert Page(text).open == [] and "peak displacement" in text and 'id="scene"' not in text
 
 
 def test_names_that_the_suite_does_not_have_are_refused():
     for wanted in (Topic(response="nothing"), Topic(intensity="nothing")):
         with pytest.raises(ResultError, match="nothing: is no"):
-            report_html(Subject(suite_summary(), wanted))
+            suite_page(Subject(suite_summary(), wanted))
 
 
 def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
@@ -214,7 +213,7 @@ def test_report_data_hold_the_spectra_at_the_middle_scale(tmp_path):
     expected = 3.0 * pseudo_acceleration(motion.acc, 0.01, PERIODS, 0.05).max(axis=0)
     np.testing.assert_allclose(read.psa[0], expected)
     assert np.isnan(read.psa[1:]).all() and read.picture.values.tobytes() == b"picture"
-    text = report_html(Subject(summary, Topic(), read, b"\x89PNG"))
+    text = suite_page(Subject(summary, Topic(), read, b"\x89PNG"))
     assert "the largest of x, y, z" in text and "image/png;base64,iVBORw==" in text
     summary.attrs["configuration_sha256"] = "of another suite"
     assert read_report_data(summary, tmp_path) is None
@@ -319,7 +318,7 @@ def test_units_are_written_as_in_print():
 def test_tables_escape_text_and_set_numbers_right():
     rows = [["<i>", 1.5, Cell("–", links=(("nc", "a%3Cb.nc"),))], ["x", 2, Cell("–")]]
     section = Section("one", "One & all", [Table(["a<b", "n", "files"], rows), Table(["a"], [])])
-    made = page("A <b>", "about", [section])
+    made = page(Report("A <b>", "about", [], [section]))
     assert "a&lt;b" in made and "&lt;i&gt;" in made and '<td class="n">1.5</td>' in made
     assert '<a href="a%3Cb.nc">nc</a>' in made and "<td>–</td>" in made and "One &amp; all" in made
     assert made.count("<table>") == 1 and "<script" not in made and Page(made).open == []

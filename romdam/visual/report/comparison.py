@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from romdam.core.files import replacing
 from romdam.postprocess.variant_tables import changes_of, variant_tables
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import Section, Table, picture, side_by_side
+from romdam.visual.report.parts import Report, Section, Table, picture, side_by_side
 
 PAGE = "comparison.html"
 _CAPTIONS = {
@@ -49,5 +49,5 @@ def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | byte
         Section("figures", "Figures", [side_by_side(pair) for pair in drawn]),
     ]
     with replacing(folder / PAGE) as unfinished:
-        unfinished.write_text(page(str(attrs["title"]), about, sections), encoding="utf-8")
+        unfinished.write_text(page(Report(str(attrs["title"]), about, [], sections)), encoding="utf-8")
     return folder / PAGE

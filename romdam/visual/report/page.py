@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from collections.abc import Sequence
 from functools import cache
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from romdam.core.printable import printable
-from romdam.visual.report.parts import Fact, Section, Table
+from romdam.visual.report.parts import Report, Table
 
 
-def page(title: str, about: str, sections: Sequence[Section], facts: Sequence[Fact] = ()) -> str:
+def page(report: Report) -> str:
     """A whole page.
 
     Whatever a file's name or message holds is text: templates escape it, and the page's policy lets no script
     and no style run but the page's own, named by their SHA-256.
-
-    Parameters
-    ----------
-    about : a line under the title
-    facts : what counts most
     """
-    parts = [block for section in sections for block in section.shown]
+    parts = [block for section in report.sections for block in section.shown]
     sorts = any(isinstance(block, Table) and block.sortable for block in parts)
     style, script = _text("page.css"), _text("runs.js") if sorts else ""
     policy = f"default-src 'none'; img-src data:; style-src {_digest(style)}"
     policy += f"; script-src {_digest(script)}" if script else ""
     return _templates().get_template("page.html").render(
-        title=title, about=about, facts=facts, sections=sections, policy=policy,
-        style=Markup(style), script=Markup(script),
+        report=report, policy=policy, style=Markup(style), script=Markup(script),
     )  # fmt: skip
 
 

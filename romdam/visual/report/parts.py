@@ -6,17 +6,18 @@ import base64
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from romdam.core.display_units import SUPERSCRIPTS
 from romdam.visual.style import STYLE
-from romdam.visual.suite_plots import SUPERSCRIPTS
 
 LARGEST_SVG = 120_000  # bytes; a figure with more in it is a PNG
-_DPI = 170
+_DPI = 170  # sharp in print, and on a screen of two dots a pixel
 _PIXELS = 128  # of the page for an inch of a figure, at most
 _LONG = 60  # letters from which on a text is set in several lines
 
@@ -139,13 +140,49 @@ def cell_of(value: Value, digits: int = 3, right: bool = True) -> Cell:
 
 @dataclass(frozen=True)
 class Picture:
-    """An image inside the page: its address, size in pixels (0 for that of the file), caption and text."""
+    """An image inside the page.
 
-    source: str
-    width: int
-    height: int
+    Attributes
+    ----------
+    drawing : a figure, or the bytes of a PNG, which may be as wide as the page
+    caption, alt : below it; in its place for who cannot see it
+    """
+
+    drawing: Figure | bytes
     caption: str
     alt: str
+
+    @property
+    def width(self) -> int:
+        """Pixels on a page; 0 for those of the file."""
+        return 0 if isinstance(self.drawing, bytes) else round(_PIXELS * self.drawing.get_figwidth())
+
+    @property
+    def height(self) -> int:
+        """Pixels on a page; 0 for those of the file."""
+        return 0 if isinstance(self.drawing, bytes) else round(_PIXELS * self.drawing.get_figheight())
+
+    @property
+    def source(self) -> str:
+        """Address that holds the image itself: an SVG, or a PNG where that is smaller."""
+        content, kind = self.drawing, "png"
+        if not isinstance(content, bytes):
+            content, kind = self._saved("svg"), "svg+xml"
+            if len(content) > LARGEST_SVG:
+                content, kind = self.png, "png"
+        return f"data:image/{kind};base64,{base64.b64encode(content).decode()}"
+
+    @cached_property
+    def png(self) -> bytes:
+        """The image as a PNG."""
+        return self.drawing if isinstance(self.drawing, bytes) else self._saved("png", dpi=_DPI)
+
+    def _saved(self, kind: str, dpi: float | None = None) -> bytes:
+        assert isinstance(self.drawing, Figure)
+        file, about = io.BytesIO(), {"Date": None} if kind == "svg" else None
+        with mpl.rc_context({**STYLE, "svg.hashsalt": "romdam"}):
+            self.drawing.savefig(file, format=kind, metadata=about, dpi=dpi)
+        return file.getvalue()
 
 
 @dataclass(frozen=True)
@@ -184,6 +221,23 @@ class Section:
         return [block for block, is_empty in zip(self.parts, empty, strict=True) if not is_empty]
 
 
+@dataclass(frozen=True)
+class Report:
+    """What a page or a document is made of.
+
+    Attributes
+    ----------
+    title, about : its first lines
+    facts : what counts most
+    sections : one after another
+    """
+
+    title: str
+    about: str
+    facts: Sequence[Fact]
+    sections: Sequence[Section]
+
+
 def number(value: float, digits: int = 3) -> str:
     """A number with so many significant digits, as plain text; a dash where there is none."""
     if np.isnan(value):
@@ -197,20 +251,9 @@ def number(value: float, digits: int = 3) -> str:
     return np.format_float_positional(rounded, trim="-").replace("-", "−")
 
 
-def picture(figure: Figure | bytes, caption: str, alt: str = "") -> Picture:
-    """A figure, or the bytes of a PNG, which may be as wide as the page."""
-    if isinstance(figure, bytes):
-        source = f"data:image/png;base64,{base64.b64encode(figure).decode()}"
-        return Picture(source, 0, 0, caption, alt or caption)
-    wide, high = (round(_PIXELS * inches) for inches in figure.get_size_inches())
-    with mpl.rc_context({**STYLE, "svg.hashsalt": "romdam"}):
-        file, kind = io.BytesIO(), "svg+xml"
-        figure.savefig(file, format="svg", metadata={"Date": None})
-        if file.tell() > LARGEST_SVG:
-            file, kind = io.BytesIO(), "png"
-            figure.savefig(file, format="png", dpi=_DPI)
-    source = f"data:image/{kind};base64,{base64.b64encode(file.getvalue()).decode()}"
-    return Picture(source, wide, high, caption, alt or caption)
+def picture(drawing: Figure | bytes, caption: str, alt: str = "") -> Picture:
+    """A figure, or the bytes of a PNG; its caption says what is seen where no text does."""
+    return Picture(drawing, caption, alt or caption)
 
 
 def side_by_side(*pictures: Picture | None) -> Pictures:

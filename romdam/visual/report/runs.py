@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from romdam.core.display_units import unit_text
 from romdam.postprocess.extremes import worst_runs
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
@@ -90,7 +91,7 @@ def label(summary: xr.Dataset, at: RunIndex) -> str:
     """A run in words: its record, and of scale and parameters what varies, with its value."""
     words = [str(summary.record.values[at[0]])]
     if summary.sizes["scale"] > 1:
-        unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
+        unit = unit_text(str(summary.scale.attrs.get("units", "1")))
         scale = float(summary.scale[at[1]])
         words.append(f"{number(scale)} {unit}" if unit else f"× {number(scale)}")
     for name, values in parameters(summary).items():

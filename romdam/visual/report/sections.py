@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 
 import romdam
-from romdam.core.files import replacing
+from romdam.core.display_units import unit_text
 from romdam.postprocess.responses import RUNS, intensity_of, measures, parameters, response_of
 from romdam.visual import suite_plots as plots
-from romdam.visual.report.page import page
 from romdam.visual.report.parts import (
     Code,
     Fact,
     Folded,
     Part,
+    Report,
     Section,
     Table,
     Text,
@@ -37,12 +36,11 @@ from romdam.visual.report.statistics import (
 from romdam.visual.report.subject import Subject, plain, values_of
 from romdam.visual.style import STYLE
 
-REPORT = "report.html"
 _SHOWN = 5  # names of runs that failed with one message
 
 
-def report_html(subject: Subject) -> str:
-    """The page of a suite, or of a plain job's records.
+def suite_report(subject: Subject) -> Report:
+    """The report of a suite, or of a plain job's records.
 
     Raises
     ------
@@ -71,21 +69,7 @@ def report_html(subject: Subject) -> str:
     cpu = values_of(subject, "cpu_seconds")
     facts.append(Fact("CPU of all runs", f"{number(float(np.nansum(cpu)))} s" if cpu.size else "–"))
     title = str(summary.attrs.get("title", "Suite"))
-    return page(title, f"{size}; summary of {created}", sections, facts)
-
-
-def write_report(subject: Subject, folder: Path) -> Path:
-    """Write `report.html`, whole or not at all.
-
-    Raises
-    ------
-    ResultError
-        for a name that the suite does not have, and where the folder refuses the file.
-    """
-    text = report_html(subject)
-    with replacing(folder / REPORT) as unfinished:
-        unfinished.write_text(text, encoding="utf-8")
-    return folder / REPORT
+    return Report(title, f"{size}; summary of {created}", facts, sections)
 
 
 def scene_section(subject: Subject) -> Section | None:
@@ -102,7 +86,7 @@ def what_was_run_section(subject: Subject) -> Section:
     summary, config = subject.summary, subject.configuration
     model, transient = config.get("model", {}), config.get("transient", {})
     scale = ", ".join(f"{value:g}" for value in summary.scale.values)
-    unit = plots.unit_text(str(summary.scale.attrs.get("units", "1")))
+    unit = unit_text(str(summary.scale.attrs.get("units", "1")))
     accuracy = transient.get("accuracy")
     step = (
         f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('finest_step')} s"
@@ -155,7 +139,7 @@ def records_section(subject: Subject) -> Section:
         finite = values.values[np.isfinite(values.values)]
         if finite.size:
             about = values.attrs
-            unit = plots.unit_text(str(about.get("units", "1")))
+            unit = unit_text(str(about.get("units", "1")))
             numbers = [float(np.quantile(finite, q)) for q in (0.0, 0.5, 1.0)]
             whole = [float(summary[f"recorded_{name}"].median())] if cut else []
             meaning = str(about.get("long_name", name)).partition(", of the ")[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from romdam.core.display_units import unit_text
 from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
@@ -128,7 +129,7 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
     factor, unit = plots.display_unit(
         np.array([f.attrs["threshold"] for f in fits]), str(values.attrs.get("units", "1"))
     )
-    measure = plots.unit_text(str(fits[0].attrs["intensity_units"]))
+    measure = unit_text(str(fits[0].attrs["intensity_units"]))
     rows: list[list[Value]] = []
     for fit in fits:
         theta, beta = (f"{number(float(v))}" for v in (fit.theta, fit.beta))

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import xarray as xr
 
+from romdam.core.display_units import unit_text
 from romdam.postprocess.responses import RUNS
 from romdam.results.suite.rows import RunIndex
-from romdam.visual.suite_plots import unit_text
 
 _NOT_RESPONSES = (
     "wall_seconds",

@@ -1,0 +1,270 @@
+"""A report as a PDF: the parts of a page set on sheets of paper, by matplotlib alone.
+
+Text is text that can be searched and copied, tables repeat their head on every sheet, and numbers stand under
+one another. A browser prints the page as well, but a cluster has no browser.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.image import imread
+from matplotlib.lines import Line2D
+from matplotlib.textpath import text_to_path
+
+from romdam.core.files import replacing
+from romdam.core.printable import printable
+from romdam.visual.report.parts import Cell, Code, Part, Picture, Pictures, Report, Table, Text
+from romdam.visual.style import GREY, STYLE
+
+A4, LETTER = (595.0, 842.0), (612.0, 792.0)  # points
+_MARGIN, _FOOT = 50.0, 34.0  # points: on all sides; of the line at the bottom
+_TEXT, _SMALL, _HEADING, _TITLE = 9.0, 8.0, 13.0, 18.0  # points of letters
+_LEAST = 5.5  # points of letters of a table too wide for the sheet
+_LINE = 1.35  # height of a line over that of its letters
+_GAP, _PAD = 7.0, 2.2  # points between columns, and above and below a row
+_LEAST_DPI = 150  # of a picture, which is not drawn larger
+_MOST_HIGH = 0.8  # of a sheet that a picture may take
+_SOFT = "#59636e"
+
+
+@dataclass
+class _Sheets:
+    """Sheets that are filled from the top; `y` is how far the last one is [points from its top]."""
+
+    paper: tuple[float, float]
+    all: list[Figure] = field(default_factory=list)
+    y: float = 0.0
+
+    @property
+    def width(self) -> float:
+        """Of the text [points]."""
+        return self.paper[0] - 2.0 * _MARGIN
+
+    @property
+    def left(self) -> float:
+        """Height that is left on the last sheet [points]."""
+        return self.paper[1] - _MARGIN - self.y if self.all else 0.0
+
+    def need(self, height: float) -> None:
+        """Begin another sheet where the last one has not so much room."""
+        if height > self.left and (not self.all or self.y > _MARGIN):
+            self.all.append(Figure(figsize=(self.paper[0] / 72.0, self.paper[1] / 72.0)))
+            self.y = _MARGIN
+
+    def write(self, x: float, text: str, size: float, *, bold: bool = False, colour: str = "black",
+              right: bool = False) -> None:  # fmt: skip
+        """A line of text whose top is at `y` and whose left (or right) end is at x."""
+        place = x / self.paper[0], 1.0 - (self.y + 0.95 * size) / self.paper[1]
+        self.all[-1].text(
+            *place, text, fontsize=size, weight="bold" if bold else "normal", color=colour,
+            ha="right" if right else "left", va="baseline", parse_math=False,
+        )  # fmt: skip
+
+    def rule(self, width: float, weight: float) -> None:
+        """A line at `y`, as long as a table is wide."""
+        across, at = np.array([_MARGIN, _MARGIN + width]) / self.paper[0], 1.0 - self.y / self.paper[1]
+        self.all[-1].add_artist(Line2D(across, [at, at], lw=weight, color=GREY))
+
+    def paragraph(self, text: str, size: float, *, bold: bool = False, colour: str = "black") -> None:
+        """Text in as many lines as it takes."""
+        for line in _lines(text, size, self.width, bold):
+            self.need(_LINE * size)
+            self.write(_MARGIN, line, size, bold=bold, colour=colour)
+            self.y += _LINE * size
+        self.y += 0.4 * size
+
+
+def write_document(report: Report, path: Path, paper: tuple[float, float] = A4) -> Path:
+    """Write a report as a PDF, whole or not at all.
+
+    Parameters
+    ----------
+    paper : width and height [points]
+
+    Raises
+    ------
+    WriteError
+        where the folder or the disk refuses it.
+    """
+    sheets, about = set_sheets(report, paper), {"Title": report.title, "CreationDate": None}
+    with (
+        mpl.rc_context({**STYLE, "pdf.fonttype": 42}),  # text that can be searched
+        replacing(path) as unfinished,
+        PdfPages(unfinished, metadata=about) as pdf,
+    ):
+        for sheet in sheets:
+            pdf.savefig(sheet)
+    return path
+
+
+def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
+    """Set a report on sheets of a size [points]."""
+    with mpl.rc_context(STYLE):
+        sheets = _Sheets(paper)
+        sheets.need(paper[1])
+        sheets.paragraph(report.title, _TITLE, bold=True)
+        sheets.paragraph(report.about, _TEXT, colour=_SOFT)
+        if report.facts:
+            _set_table(sheets, Table([], [[fact.name, fact.value] for fact in report.facts]))
+        for section in report.sections:
+            sheets.need(8.0 * _LINE * _TEXT)  # a heading stays with what it is of
+            sheets.y += _TEXT
+            sheets.paragraph(section.title, _HEADING, bold=True)
+            for part in section.shown:
+                _set_part(sheets, part)
+        for number, sheet in enumerate(sheets.all, 1):
+            foot = _Sheets(paper, [sheet], paper[1] - _FOOT)
+            foot.write(_MARGIN, _lines(report.title, 7.0, 0.8 * sheets.width)[0], 7.0, colour=_SOFT)
+            page_text = f"{number} of {len(sheets.all)}"
+            foot.write(paper[0] - _MARGIN, page_text, 7.0, colour=_SOFT, right=True)
+    return sheets.all
+
+
+def _set_part(sheets: _Sheets, part: Part) -> None:
+    if isinstance(part, Table):
+        _set_table(sheets, part)
+    elif isinstance(part, Pictures):
+        for drawn in part.all:
+            _set_picture(sheets, drawn)
+    elif isinstance(part, Text):
+        sheets.paragraph(part.text, _TEXT, colour=_SOFT if part.soft else "black")
+    elif isinstance(part, Code):  # what a page shows on demand is left out
+        for line in part.text.splitlines():
+            sheets.paragraph(line, _TEXT)
+
+
+def _set_picture(sheets: _Sheets, drawn: Picture) -> None:
+    """A picture as wide as the text, or as high as fits, and its caption."""
+    pixels = imread(io.BytesIO(drawn.png))
+    high, wide = pixels.shape[:2]
+    most = _MOST_HIGH * sheets.paper[1]
+    width = min(sheets.width, most * wide / high, 72.0 * wide / _LEAST_DPI)
+    height = width * high / wide
+    sheets.need(height + 3.0 * _LINE * _SMALL)
+    corner = _MARGIN / sheets.paper[0], 1.0 - (sheets.y + height) / sheets.paper[1]
+    axes = sheets.all[-1].add_axes((*corner, width / sheets.paper[0], height / sheets.paper[1]))
+    axes.imshow(pixels, interpolation="none", aspect="auto")
+    axes.set_axis_off()
+    sheets.y += height + 2.0
+    sheets.paragraph(drawn.caption, _SMALL, colour=_SOFT)
+
+
+def _set_table(sheets: _Sheets, table: Table) -> None:
+    """A table, its head repeated on every sheet; letters as small as they must be to fit its numbers."""
+    head = [Cell(text) for text in table.head]
+    rows, right = table.cells, table.numeric
+    size = _SMALL
+    widths = _column_widths([*([head] if head else []), *rows], right, size, sheets.width)
+    while widths.sum() > sheets.width - _GAP * (len(right) - 1) and size > _LEAST:
+        size -= 0.5
+        widths = _column_widths([*([head] if head else []), *rows], right, size, sheets.width)
+    wide = float(widths.sum()) + _GAP * (len(right) - 1)
+    caption = _LINE * _SMALL if table.caption else 0.0
+    first = _heights([head, rows[0]], widths, size).sum() if head else 2.0 * _LINE * size
+    sheets.need(caption + first + 2.0 * _PAD)
+    if table.caption:
+        sheets.paragraph(table.caption, _SMALL, colour=_SOFT)
+    if head:
+        _set_row(sheets, head, widths, right, size, bold=True)
+        sheets.rule(wide, 0.9)
+    for row, height in zip(rows, _heights(rows, widths, size), strict=True):
+        if height > sheets.left:
+            sheets.need(height)
+            if head:
+                _set_row(sheets, head, widths, right, size, bold=True)
+                sheets.rule(wide, 0.9)
+        _set_row(sheets, row, widths, right, size)
+        sheets.rule(wide, 0.3)
+    sheets.y += _TEXT
+
+
+def _set_row(
+    sheets: _Sheets,
+    row: Sequence[Cell],
+    widths: np.ndarray,
+    right: Sequence[bool],
+    size: float,
+    *,
+    bold: bool = False,
+) -> None:
+    """A row of a table, each cell in as many lines as it takes."""
+    top, x, bottom = sheets.y + _PAD, _MARGIN, sheets.y
+    for cell, width, is_number in zip(row, widths, right, strict=True):
+        sheets.y = top
+        for line in _lines(cell.text, size, width, bold):
+            sheets.write(x + width if is_number else x, line, size, bold=bold, right=is_number)
+            sheets.y += _LINE * size
+        bottom, x = max(bottom, sheets.y + _PAD), x + width + _GAP
+    sheets.y = bottom
+
+
+def _heights(rows: Sequence[Sequence[Cell]], widths: np.ndarray, size: float) -> np.ndarray:
+    """Of every row [points]."""
+    counts = [
+        max(len(_lines(cell.text, size, width)) for cell, width in zip(row, widths, strict=True))
+        for row in rows
+    ]
+    return np.array(counts) * _LINE * size + 2.0 * _PAD
+
+
+def _column_widths(
+    rows: Sequence[Sequence[Cell]], right: Sequence[bool], size: float, width: float
+) -> np.ndarray:
+    """Widths of columns [points], of their longest word at least; what is left goes to long texts."""
+    words = np.array(
+        [[max((_width(w, size, True) for w in c.text.split()), default=0.0) for c in row] for row in rows]
+    )
+    whole = np.array([[_width(c.text, size, False) for c in row] for row in rows])
+    least = np.minimum(words.max(axis=0), 0.4 * width)
+    wished = np.where(
+        right, np.maximum(least, whole[1:].max(axis=0, initial=0.0)), np.maximum(least, whole.max(axis=0))
+    )
+    room = width - _GAP * (len(right) - 1) - least.sum()
+    more = wished - least
+    if more.sum() <= room or room <= 0.0:
+        return wished if room > 0.0 else least
+    level = np.sort(more)  # every column gets what it wishes up to a level that the room allows
+    for k, value in enumerate(level):
+        if level[:k].sum() + value * (len(level) - k) > room:
+            return least + np.minimum(more, (room - level[:k].sum()) / (len(level) - k))
+    return wished
+
+
+def _lines(text: str, size: float, width: float, bold: bool = False) -> list[str]:
+    """A text in lines of at most a width [points]; a word that is longer is cut."""
+    lines = [""]
+    for word in printable(text).split():
+        joined = f"{lines[-1]} {word}".strip()
+        if _width(joined, size, bold) <= width + 0.5:
+            lines[-1] = joined
+            continue
+        if lines[-1]:
+            lines.append("")
+        for letter in word:
+            if lines[-1] and _width(lines[-1] + letter, size, bold) > width + 0.5:
+                lines.append("")
+            lines[-1] += letter
+    return lines
+
+
+def _width(text: str, size: float, bold: bool) -> float:
+    """Of a line [points]."""
+    return size * sum(_advance(letter, bold) for letter in text)
+
+
+@cache
+def _advance(letter: str, bold: bool) -> float:
+    """Width of a letter over the size of its font, which is that of `STYLE`."""
+    font = FontProperties(family="DejaVu Sans", weight="bold" if bold else "normal", size=100.0)
+    pair, lone = (text_to_path.get_text_width_height_descent(n * letter, font, False)[0] for n in (2, 1))
+    return float(pair - lone) / 100.0

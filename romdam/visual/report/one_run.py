@@ -1,0 +1,464 @@
+"""The report of one run: what was assumed, what came of it, how far to trust it, from its file alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import xarray as xr
+
+import romdam
+from romdam.config.sections.job import Config
+from romdam.config.stated import StatedKey, stated_keys
+from romdam.core.display_units import SI, UnitSystem, unit_text
+from romdam.core.round_off import NOTHING
+from romdam.postprocess.maxima import explained, maxima, peak_opening_time
+from romdam.postprocess.record_measures import stated_warnings
+from romdam.postprocess.run_warnings import LEDGER_LIMIT
+from romdam.postprocess.sliding import sliding
+from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
+from romdam.visual.plots import FIGURES
+from romdam.visual.report.parts import (
+    Cell,
+    Code,
+    Fact,
+    Folded,
+    Part,
+    Picture,
+    Report,
+    Section,
+    Table,
+    Text,
+    Value,
+    number,
+    picture,
+    side_by_side,
+)
+from romdam.visual.style import STYLE
+
+_GRAVITY = 9.80665  # m/s2, standard: in both systems of units a record's peak is stated in g
+_LONG_LIST = 8  # members of a list that a table shows
+_CAPTIONS = {
+    "ground_motion": "Ground acceleration.",
+    "top_displacements": "Displacement of the output nodes, relative to the base.",
+    "joint_opening": "Opening of every joint: widest gap, and range over the joint.",
+    "opening_envelope": "Largest opening of every gap.",
+    "joint_displacement": "Mean displacement of block J relative to block I.",
+    "joint_slip": "Slip of the gap that slips most, and range over the joint.",
+    "sliding": "Factor of safety against sliding, and mean slip.",
+    "energy": "Energy: input, and where it is.",
+    "dissipated_energy": "Energy that each joint has dissipated.",
+    "stress": "Stress at named nodes.",
+    "stress_damage": "Duration and extent of stress above the strength, beside the limits.",
+    "stress_sections": "Forces, moments and linearised stress of sections.",
+}
+_LIMITS = (
+    "Materials are linear, strains and rotations are small: concrete that cracks or crushes away from joints "
+    "is not modelled.",
+    "Every gap connects the same two points throughout: blocks that slide far or overturn are not modelled.",
+    "The joint force at one instant of an impact depends on the step. Use means over the writing interval.",
+    "The stress at a re-entrant corner grows with refinement. Use values of whole faces, outside the ring.",
+    "The manual's page on limits lists them all. No decision about a dam may rest on this report alone.",
+)
+_SLIDING_LIMIT = (
+    "Histories of blocks that slide on their bases are sensitive to any change of the model or the motion. "
+    "Trust peaks and residual slips, the latter to about 10 %."
+)
+
+
+@dataclass(frozen=True)
+class RunSubject:
+    """A run, and how its report shows it.
+
+    Attributes
+    ----------
+    dataset : of the result
+    config : of the run [SI]
+    errors : stated errors of the openings in L2: "mesh", "modes", "steps", those that are known
+    statements : "estimate", "certificate", "verification", "discretisation" -> sentence, as far as stated
+    system : units of the report
+    scene : PNG of the scene; None where none is drawn
+    command : that made the report
+    """
+
+    dataset: xr.Dataset
+    config: Config
+    errors: Mapping[str, float]
+    statements: Mapping[str, str]
+    system: UnitSystem = SI
+    scene: bytes | None = None
+    command: str = ""
+
+    def column(self, units: str, values: Sequence[float]) -> tuple[list[float], str]:
+        """Numbers in the unit that suits them, round-off as 0, and its name."""
+        largest = max((abs(value) for value in values if np.isfinite(value)), default=0.0)
+        size, unit = self.system.suited(units, largest)
+        return [0.0 if abs(value) < NOTHING else value / size for value in values], unit
+
+    def text(self, units: str, value: float) -> str:
+        """A number with its unit."""
+        (shown,), unit = self.column(units, [value])
+        return f"{number(shown)} {unit}".strip()
+
+    def figures(self, *names: str) -> list[Part]:
+        """Those of the figures that the result has data for."""
+        drawn = list[Picture | None]()
+        for name in names:
+            with mpl.rc_context(STYLE):
+                figure = FIGURES[name](self.dataset, self.system)
+            drawn.append(None if figure is None else picture(figure, _CAPTIONS[name]))
+        return [side_by_side(*drawn)]
+
+    def per_joint(self, name: str) -> list[float]:
+        """A variable of the joints."""
+        return [float(value) for value in self.dataset[name].values]
+
+
+def run_report(subject: RunSubject) -> Report:
+    """The report of one run."""
+    attrs = subject.dataset.attrs
+    created = str(attrs["date_created"]).replace("T", " ").replace("+00:00", " UTC")
+    about = f"Record {attrs['record']}; run of {created}, {attrs['source']}; {subject.system.name} units"
+    sections = [section for make in RUN_SECTIONS if (section := make(subject)) is not None]
+    return Report(str(attrs["title"]), about, _facts(subject), sections)
+
+
+def _facts(subject: RunSubject) -> list[Fact]:
+    dataset, facts = subject.dataset, list[Fact]()
+    if "peak_opening" in dataset and dataset.joint.size:
+        facts.append(Fact("largest opening", subject.text("m", float(dataset.peak_opening.max()))))
+    slides = sliding(dataset)
+    if slides:
+        left = max(joint.residual_slip for joint in slides)
+        facts.append(Fact("largest residual slip", subject.text("m", left)))
+        least = min((joint.factor for joint in slides if np.isfinite(joint.factor)), default=np.nan)
+        facts.append(Fact("least factor of safety against sliding", number(least)))
+    if "face_principal_stress" in dataset:
+        worst = float(dataset.face_principal_stress.sel(area_percentile=HEADLINE).max())
+        facts.append(Fact(f"{HEADLINE:g} % stress of the worst face", subject.text("Pa", worst)))
+    errors = subject.errors
+    if errors:
+        unknown = [part for part in ("mesh", "modes", "steps") if part not in errors]
+        more = f", {' and '.join(unknown)} unknown" if unknown else ""
+        total = f"{number(100 * sum(errors.values()), 2)} %{more}"
+        facts.append(Fact("stated error of the openings, L2, at most", total))
+    warnings = len(stated_warnings(dataset.attrs))
+    return [*facts, Fact("warnings", str(warnings), warnings > 0)]
+
+
+def dam_section(subject: RunSubject) -> Section:
+    """Geometry, materials and joints, as the job states them."""
+    config, dataset, parts = subject.config, subject.dataset, list[Part]()
+    if subject.scene:
+        parts.append(side_by_side(picture(subject.scene, "The blocks with their joints.")))
+    materials = list(config.materials.values())
+    E, stress = subject.column("Pa", [material.E for material in materials])
+    rho, density = subject.column("kg m-3", [material.rho for material in materials])
+    nu = [material.nu for material in materials]
+    rows: list[list[Value]] = [list(row) for row in zip(config.materials, E, nu, rho, strict=True)]
+    parts.append(
+        Table(["material", f"E [{stress}]", "Poisson's ratio", f"density [{density}]"], rows, "Materials")
+    )
+    if "joint" in dataset:
+        parts.append(_joints_table(subject))
+    parts.append(
+        _keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
+    )
+    return Section("dam", "The dam", parts)
+
+
+def _joints_table(subject: RunSubject) -> Table:
+    """Blocks, gaps, area and law of every joint."""
+    dataset, laws = subject.dataset, dict[str, str]()
+    for name, joint in subject.config.every_joint.items():
+        keys = [key for key in stated_keys(joint) if key.path != "between"]
+        laws[name] = ", ".join(f"{key.path.replace('_', ' ')} {_shown(subject, key)}" for key in keys)
+    names, of_gaps = [str(name) for name in dataset.joint.values], dataset.gap_joint.values
+    area, unit = subject.column(
+        "m2", [float(dataset.gap_area.values[of_gaps == name].sum()) for name in names]
+    )
+    rows = list[list[Value]]()
+    for name, size in zip(names, area, strict=True):
+        between = " – ".join(str(block) for block in dataset.joint_blocks.sel(joint=name).values)
+        rows.append([name, between, int((of_gaps == name).sum()), size, laws.get(name, "")])
+    return Table(["joint", "blocks I – J", "gaps", f"area [{unit}]", "law"], rows, "Joints")
+
+
+def loads_section(subject: RunSubject) -> Section:
+    """Loads, water, ground and damping; resultants of the water in joints."""
+    dataset, parts = subject.dataset, list[Part]()
+    parts.append(
+        _keys_table(subject, "Loads, water, ground and damping", "loads", "water", "ground", "damping")
+    )
+    if "water_force" in dataset:
+        values, unit = subject.column("N", dataset.water_force.values.ravel().tolist())
+        of_joints = np.reshape(values, dataset.water_force.shape)
+        of_joints[np.abs(of_joints) < 1e-9 * np.abs(of_joints).max()] = 0.0  # what round-off leaves
+        rows: list[list[Value]] = [
+            [str(name), *row]
+            for name, row in zip(dataset.joint.values, of_joints.tolist(), strict=True)
+            if any(row)
+        ]
+        head = ["joint", *(f"{axis} [{unit}]" for axis in "xyz")]
+        parts.append(Table(head, rows, "Resultant of the water in joints, on block J"))
+    return Section("loads", "Loads", parts)
+
+
+def motion_section(subject: RunSubject) -> Section:
+    """The record: what was analysed, and its peak along every axis."""
+    dataset, attrs = subject.dataset, subject.dataset.attrs
+    rows: list[list[Value]] = [
+        ["record", str(attrs["record"])],
+        ["sampling interval", f"{attrs['record_dt']:g} s"],
+        ["analysed", f"{float(dataset.time[-1]):g} s"],
+    ]
+    peaks = abs(dataset.ground_acceleration).max("time") / _GRAVITY
+    rows += [
+        [f"peak acceleration {axis}", f"{number(float(peaks.sel(component=axis)))} g"]
+        for axis in dataset.component.values
+        if float(peaks.sel(component=axis)) > 0.0
+    ]
+    keys = _keys_table(subject, "As the job states it", "records")
+    return Section("motion", "Ground motion", [Table([], rows), *subject.figures("ground_motion"), keys])
+
+
+def checks_section(subject: RunSubject) -> Section:
+    """Model and time stepping, what was checked of the run, and its stated errors."""
+    attrs, rows = subject.dataset.attrs, list[list[Value]]()
+    residual, ledger = attrs.get("solver_largest_residual"), attrs.get("solver_ledger_imbalance")
+    if residual is not None:
+        tolerance = subject.config.transient.tolerance
+        rows.append(_judged("largest residual of the contact problem", float(residual), tolerance, "{:.2g}"))
+    if ledger is not None:
+        rows.append(_judged("energy that the ledger lacks, of the exchanged", float(ledger), LEDGER_LIMIT))
+    errors, wanted = subject.errors, attrs.get("solver_accuracy")
+    for part in ("steps", "modes", "mesh"):
+        text = f"error of the openings from the {part}, L2"
+        if part in errors:
+            limit = wanted if part == "steps" else None
+            rows.append(_judged(text, errors[part], limit))
+        else:
+            rows.append([text, "unknown", "–", "not stated"])
+    head = ["check", "value", "limit", "verdict"]
+    words = {"estimate": "Modes", "certificate": "Certificate", "verification": "Against the full mesh",
+             "discretisation": "Mesh"}  # fmt: skip
+    said = [Text(f"{words[kind]}: {sentence}") for kind, sentence in subject.statements.items()]
+    order, count = str(attrs["model_order"]), attrs.get("unknowns", "–")
+    size = Text(f"{order.capitalize()} model of {count} unknowns, integrator {attrs.get('integrator', '–')}.")
+    keys = _keys_table(subject, "Model and time stepping", "model", "transient", "outputs")
+    return Section("checks", "Checks and stated errors", [size, Table(head, rows), *said, keys])
+
+
+def _judged(text: str, value: float, limit: float | None, form: str = "") -> list[Value]:
+    """A row of a check."""
+    shown, bound = (
+        "–" if x is None else form.format(x) if form else f"{number(100 * x, 2)} %" for x in (value, limit)
+    )
+    return [text, shown, bound, "stated" if limit is None else "met" if value <= limit else "NOT met"]
+
+
+def joints_section(subject: RunSubject) -> Section | None:
+    """Peaks of every joint, how they slide, and their figures."""
+    dataset = subject.dataset
+    if "joint" not in dataset or not dataset.joint.size:
+        return None
+    names = [str(name) for name in dataset.joint.values]
+    columns: list[tuple[str, str, str]] = [("peak_opening", "m", "largest opening")]
+    columns += [
+        ("peak_mean_compressive_stress", "Pa", "compression, mean of an interval"),
+        ("peak_compressive_stress", "Pa", "at one instant"), ("peak_slip", "m", "largest slip"),
+    ]  # fmt: skip
+    head, values = ["joint"], list[list[Value]]()
+    for variable, units, text in columns:
+        if variable in dataset:
+            numbers, unit = subject.column(units, subject.per_joint(variable))
+            head.append(f"{text} [{unit}]")
+            values.append(list(numbers))
+    times = [peak_opening_time(dataset, name) for name in names]
+    head.insert(2, "at [s]")
+    values.insert(1, ["–" if when is None else f"{when:.2f}" for when in times])
+    rows = [list(row) for row in zip(names, *values, strict=True)]
+    return Section("joints", "Joints", [
+        Table(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
+        *subject.figures("joint_opening", "opening_envelope", "sliding", "joint_slip", "joint_displacement",
+                         "dissipated_energy"),
+    ])  # fmt: skip
+
+
+def _sliding_tables(subject: RunSubject) -> Iterator[Table]:
+    """How block J slides on block I, a row for each joint."""
+    joints = sliding(subject.dataset)
+    if not joints:
+        return
+    lengths = [(j.residual_slip, j.largest_slip, j.cumulative_slip) for j in joints]
+    flat, unit = subject.column("m", [value for row in lengths for value in row])
+    shown = np.reshape(flat, (-1, 3)).tolist()
+    rows: list[list[Value]] = [
+        [
+            j.joint,
+            f"{j.blocks[1]} on {j.blocks[0]}",
+            j.verdict,
+            j.factor,
+            j.sliding_time,
+            j.open_time,
+            *numbers,
+        ]
+        for j, numbers in zip(joints, shown, strict=True)
+    ]
+    head = ["joint", "block", "verdict", "least factor of safety", "slides [s]", "open [s]"]
+    head += [f"residual slip [{unit}]", f"largest of a gap [{unit}]", f"path [{unit}]"]
+    yield Table(head, rows, "Sliding")
+
+
+def stress_section(subject: RunSubject) -> Section | None:
+    """Stress of faces and their acceptance, by the limits of linear analysis."""
+    dataset, parts = subject.dataset, list[Part]()
+    faces = [str(name) for name in dataset.stress_face.values] if "face_principal_stress" in dataset else []
+    if faces:
+        percentiles = (HEADLINE, 100.0)
+        stress = dataset.face_principal_stress.sel(area_percentile=list(percentiles)).transpose(
+            "stress_face", ...
+        )
+        flat, unit = subject.column("Pa", stress.values.ravel().tolist())
+        head = ["face", f"{HEADLINE:g} % of the area [{unit}]", f"largest [{unit}]", "ring [% of area]"]
+        rows: list[list[Value]] = [
+            [name, *numbers, float(dataset.ring_share.sel(stress_face=name))]
+            for name, numbers in zip(faces, np.reshape(flat, (-1, 2)).tolist(), strict=True)
+        ]
+        parts.append(Table(head, rows, "Major principal stress, outside the ring; tension is positive"))
+    if faces and "acceptance" in dataset:
+        kinds = [kind for kind in LIMITS if getattr(subject.config, kind.replace(" ", "_"))] or list(LIMITS)
+        strength = subject.text("Pa", float(dataset.tensile_strength))
+        judged = list[list[Value]]()
+        for name in faces:
+            of_face = dataset.sel(stress_face=name)
+            for basis in dataset.stress_basis.values:
+                met = of_face.acceptance.sel(stress_basis=basis)
+                ratio = float(of_face.face_demand_capacity_ratio.sel(stress_basis=basis))
+                words = [verdict(met.sel(dam_kind=kind).values) for kind in kinds]
+                judged.append([name, str(basis), ratio, *words])
+        head = ["face", "stress", "demand-capacity ratio", *kinds]
+        parts.append(Table(head, judged, f"Acceptance for a tensile strength of {strength}"))
+        parts += [Text(f"Limits of a {kind}: {LIMITS[kind]}.", soft=True) for kind in kinds]
+        source = "After EM 1110-2-6053 (2007), chapter 4, as later papers quote it: check the limits there."
+        parts.append(
+            Text(f"{source} A face that fails calls for nonlinear analysis of its concrete.", soft=True)
+        )
+    parts += subject.figures("stress_damage", "stress", "stress_sections")
+    section = Section("stress", "Stress and acceptance", parts)
+    return section if section.shown else None
+
+
+def maxima_section(subject: RunSubject) -> Section:
+    """The largest values, where and when, with the motion and the energy."""
+    dataset = subject.dataset
+    if "stress_position" in dataset:
+        dataset = dataset.assign(stress_position=dataset.stress_position / subject.system.foot[0])
+    every, rows = maxima(dataset), list[list[Value]]()
+    stated = [
+        row for row in every if not row.quantity.startswith("joint ")
+    ]  # which have a table of their own
+    for row in stated:
+        (value,), unit = subject.column(row.unit, [row.value])
+        rows.append([row.quantity, value, unit or unit_text(row.unit), row.where, row.when or "–", row.note])
+    head = ["quantity", "value", "unit", "where", "time [s]", "note"]
+    notes = [Text(text, soft=True) for text in explained(stated)]
+    return Section("maxima", "Largest values", [
+        Table(head, rows, f"Positions (x, y, z) in {subject.system.foot[1]}"), *notes,
+        *subject.figures("top_displacements", "energy"),
+    ])  # fmt: skip
+
+
+def limits_section(subject: RunSubject) -> Section:
+    """Warnings of the run, and what the model leaves out."""
+    warnings = stated_warnings(subject.dataset.attrs)
+    rows: list[list[Value]] = [[str(k), text] for k, text in enumerate(warnings, 1)]
+    slides = [Text(_SLIDING_LIMIT)] if "sliding_safety_factor" in subject.dataset else []
+    return Section(
+        "limits",
+        "Warnings and limits",
+        [Table(["no.", "warning"], rows, "Warnings"), *slides, *map(Text, _LIMITS)],
+    )
+
+
+def reproduction_section(subject: RunSubject) -> Section:
+    """What makes the same run again: digests, versions, commands and the configuration."""
+    attrs = subject.dataset.attrs
+    versions = json.loads(str(attrs.get("versions", "{}")))
+    rows: list[list[Value]] = [
+        ["configuration", str(attrs["configuration_file"])],
+        ["its SHA-256", str(attrs["configuration_sha256"])],
+        ["SHA-256 of the record", str(attrs.get("record_sha256", "–"))],
+        ["run with", ", ".join([str(attrs["source"]), *(f"{name} {v}" for name, v in versions.items())])],
+        ["machine", str(attrs.get("machine", "–"))],
+        ["report made with", f"romdam {romdam.__version__}"],
+    ]
+    commands = (
+        f"romdam run {Path(str(attrs['configuration_file'])).name} --out DIR\n{subject.command}".rstrip()
+    )
+    whole = json.dumps(json.loads(str(attrs["configuration"])), indent=1, ensure_ascii=False)
+    parts: list[Part] = [Table([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
+    return Section("reproduce", "How to reproduce", parts)
+
+
+def _keys_table(subject: RunSubject, caption: str, *sections: str) -> Table:
+    """Keys of sections of the job that are not at their defaults."""
+    keys = [
+        key for key in stated_keys(subject.config) if key.path.partition(".")[0].partition("[")[0] in sections
+    ]
+    rows: list[list[Value]] = [
+        [key.path, _shown(subject, key), Cell(key.text.replace("`", ""), "text")] for key in keys
+    ]
+    return Table(["key", "value", "meaning"], rows, f"{caption}; what is not listed has its default")
+
+
+def _shown(subject: RunSubject, key: StatedKey) -> str:
+    """The value of a key in the report's units."""
+    if isinstance(key.value, bool):
+        return str(key.value).lower()
+    numbers = list(_numbers(key.value))
+    if not numbers:
+        values = key.value if isinstance(key.value, tuple) else (key.value,)
+        more = f" and {len(values) - _LONG_LIST} more" if len(values) > _LONG_LIST else ""
+        return ", ".join(str(value) for value in values[:_LONG_LIST]) + more
+    largest = max(abs(value) for value in numbers)
+    foot, length = subject.system.foot
+    size, unit = (
+        (foot, length) if key.units == "m" and largest >= foot else subject.system.suited(key.units, largest)
+    )
+    value = key.value
+    if isinstance(value, tuple) and len(set(numbers)) == 1 and len(numbers) == 2:
+        value = numbers[0]  # equal along both directions of a joint, at both ends
+    return f"{_scaled_text(value, size)} {unit}".strip()
+
+
+def _numbers(value: object) -> Iterator[float]:
+    if isinstance(value, int | float):
+        yield float(value)
+    for member in value if isinstance(value, tuple) else ():
+        yield from _numbers(member)
+
+
+def _scaled_text(value: object, size: float) -> str:
+    if isinstance(value, tuple):
+        shown = [_scaled_text(member, size) for member in value[:_LONG_LIST]]
+        more = ", …" if len(value) > _LONG_LIST else ""
+        return f"({', '.join(shown)}{more})"
+    return number(float(value) / size, 4) if isinstance(value, int | float) else str(value)
+
+
+RUN_SECTIONS: tuple[Callable[[RunSubject], Section | None], ...] = (
+    dam_section,
+    loads_section,
+    motion_section,
+    checks_section,
+    joints_section,
+    stress_section,
+    maxima_section,
+    limits_section,
+    reproduction_section,
+)

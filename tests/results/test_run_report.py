@@ -1,0 +1,151 @@
+"""The report of one run: numbers in both systems of units, and sheets on which nothing is lost or covered."""
+
+import html
+import re
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from typer.testing import CliRunner
+
+from romdam.cli import app
+from romdam.config.load import load_config
+from romdam.config.stated import stated_keys
+from romdam.core.display_units import SI, US
+from romdam.error.statement import opening_errors, sentences
+from romdam.pipelines.report import report_run
+from romdam.visual.report.document import A4, LETTER, set_sheets
+from romdam.visual.report.one_run import RunSubject, run_report
+from romdam.visual.report.parts import Fact, Report, Section, Table, Text
+
+NIST = {  # SP 811, appendix B.8: what one unit is in SI, to its seven digits
+    ("m", 25.4e-3): "in", ("m2", 9.290304e-2): "ft²", ("N", 4448.222): "kip", ("Pa", 6894.757): "psi",
+    ("kg m-3", 16.01846): "lb/ft³", ("N m", 1355.818): "kip ft", ("m s-2", 0.3048): "ft/s²",
+    ("kg", 0.4535924): "lb", ("J", 1355818.0): "10⁶ ft lb", ("N m-1", 14593.90): "kip/ft",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("of", "name"), NIST.items(), ids=NIST.values())
+def test_customary_units_have_the_sizes_of_nist(of, name):
+    units, size = of
+    assert US.suited(units, 1.0) == (pytest.approx(size, rel=5e-7), name)
+
+
+def test_si_takes_a_prefix_where_that_is_usual():
+    assert SI.suited("Pa", 3.1e10) == (1e9, "GPa") and SI.suited("N m-3", 2e10) == (1e9, "GPa/m")
+    assert SI.suited("m s-2", 1e4) == (1.0, "m/s²") and SI.suited("m", 0.0) == (1.0, "m")
+
+
+def test_stated_keys_are_those_off_their_defaults_with_units_of_their_numbers():
+    job = load_config("configs/koyna.yaml")
+    keys = {key.path: key for key in stated_keys(job.config)}
+    assert keys["materials.rock.E"].value == 31.027e9 and keys["materials.rock.E"].units == "Pa"
+    assert keys["gravity_dam.joints.base.normal_stiffness"].units == "N m-3"
+    assert keys["loads.gravity"].units == "m s-2" and keys["damping.rayleigh.frequencies"].units == "Hz"
+    assert keys["loads.hydrostatic[0].faces"].value[0] == "monolith_1 upstream"
+    assert "Density" in keys["materials.rock.rho"].text
+    assert not {"materials.rock.expansion", "gravity_dam.divisions.along", "loads.weight"} & set(keys)
+    loads = job.config.loads.model_copy(update={"weight": "staged"})
+    changed = job.config.model_copy(update={"loads": loads})
+    assert {key.path for key in stated_keys(changed)} == {*keys, "loads.weight"}
+
+
+def subject_of(dataset, job, system=SI):
+    return RunSubject(dataset, job.config, opening_errors(dataset.attrs), sentences(dataset.attrs), system)
+
+
+def cells(report: Report, head: str) -> dict[str, list[str]]:
+    """First cell -> the others, of the table of a report whose first column has a name."""
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    table = next(table for table in tables if table.caption.startswith(head))
+    return {row[0].text: [cell.text for cell in row[1:]] for row in table.cells}
+
+
+@pytest.mark.parametrize(("system", "length", "stress"), [(SI, 1e-3, 1e6), (US, 0.0254, 6894.757293168)])
+def test_peaks_stand_in_the_units_of_the_report(result, job, system, length, stress):
+    dataset = result.dataset
+    rows = cells(run_report(subject_of(dataset, job, system)), "Peaks")
+    assert [*rows] == ["J1", "J2"]
+    for name, row in rows.items():
+        of_joint = dataset.sel(joint=name)
+        expected = float(of_joint.peak_opening) / length, float(of_joint.peak_compressive_stress) / stress
+        shown = float(row[0]), float(row[3].replace("−", "-"))
+        assert shown == pytest.approx(expected, rel=6e-3)
+
+
+def test_a_check_beyond_its_limit_is_not_met(result, job):
+    dataset = result.dataset.assign_attrs(solver_ledger_imbalance=2e-3, solver_accuracy=0.01,
+                                          solver_estimated_time_error=0.004)  # fmt: skip
+    report = run_report(subject_of(dataset, job))
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    rows = {
+        row[0].text: row[3].text for table in tables if "verdict" in table.head[3:4] for row in table.cells
+    }
+    assert rows["energy that the ledger lacks, of the exchanged"] == "NOT met"
+    assert rows["error of the openings from the steps, L2"] == "met"
+    assert rows["error of the openings from the mesh, L2"] == "not stated"
+
+
+def test_the_page_and_the_document_are_written_beside_the_result(result):
+    paths = report_run(result.path, US, pdf=True)
+    assert [path.name for path in paths] == ["quake-report.html", "quake-report.pdf"]
+    page = html.unescape(paths[0].read_text(encoding="utf-8"))
+    opening = float(result.dataset.peak_opening.max()) / 0.0254
+    assert f"{opening:.3g} in" in page and "romdam report quake.nc --units us --pdf" in page
+    assert {address[:5] for address in re.findall(r'src="([^"]+)', page)} == {"data:"}
+    assert paths[1].read_bytes().startswith(b"%PDF")
+
+
+def boxes(sheet):
+    """Text and box [points] of every text of a sheet."""
+    canvas = FigureCanvasAgg(sheet)
+    sheet.set_dpi(72.0)
+    renderer = canvas.get_renderer()
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in sheet.texts if text.get_text()]
+
+
+@pytest.mark.parametrize("paper", [A4, LETTER])
+def test_sheets_hold_every_cell_within_their_margins_and_cover_none(paper):
+    """A long table of words and numbers, one cell of it longer than a line, one word longer than a column."""
+    rng = np.random.default_rng(5)
+    words = [f"word{k}" for k in range(400)]
+    rows = [
+        [words[k], float(rng.normal()), " ".join(words[k : k + k % 30]), 10.0**k if k < 5 else k]
+        for k in range(90)
+    ]
+    rows.append(["a" * 150, 1.0, "$x_1$ and 50 % of \\alpha", 2])
+    table = Table(["name", "a number with a long name", "text", "last"], rows, "A table")
+    report = Report(
+        "A title " * 20, "about", [Fact("n", "1")], [Section("s", "Section", [Text("$a$ 1"), table])]
+    )
+    sheets = set_sheets(report, paper)
+    assert len(sheets) > 2
+    written = [boxes(sheet) for sheet in sheets]
+    for texts in written:
+        for k, (_, box) in enumerate(texts):
+            assert box.x0 > 40.0 and box.x1 < paper[0] - 40.0 and box.y0 > 20.0 and box.y1 < paper[1] - 40.0
+            assert not any(
+                other.shrunk(0.98, 0.9).overlaps(box.shrunk(0.98, 0.9)) for _, other in texts[k + 1 :]
+            )
+        assert sum(text == "text" for text, _ in texts) <= 1
+    heads = [any(text == "last" for text, _ in texts) for texts in written]
+    assert all(heads), "the head stands on every sheet of the table"
+    shown = " ".join(text for texts in written for text, _ in texts)
+    for row in table.cells:
+        for cell in row:
+            assert all(word in shown.replace(" ", "") for word in cell.text[:20].split())
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["quake.nc", "--response", "peak_slip"], "--response"),
+        (["quake.nc", "--units", "imperial"], "'si', 'us'"),
+        (["quake.nc", "--threshold", "2 mm"], "--threshold"),
+        ([".", "--units", "us"], "--units"),
+    ],
+)
+def test_options_of_the_other_kind_of_report_are_refused(result, options, reason):
+    path = str(result.path.parent / options[0])
+    made = CliRunner().invoke(app, ["report", path, *options[1:]], env={"COLUMNS": "200"})
+    assert made.exit_code == 2 and reason in made.output
