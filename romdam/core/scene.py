@@ -69,6 +69,7 @@ class Block:
     faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
     absorbing : faces that take waves up, see `romdam.fem.absorbing`
     matrices : that are used in place of what the cells would have; None where the cells are assembled
+    unsound_faces : name -> why the mesh file's group or set of that name is no face
     """
 
     name: str
@@ -79,6 +80,7 @@ class Block:
     faces: dict[str, Ints]
     absorbing: tuple[Absorbing, ...] = ()
     matrices: BlockMatrices | None = None
+    unsound_faces: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -137,9 +137,11 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         moving=moving_supports(config.supports, blocks, rigid, source),
     )
     refuse_unreached(scene, supported, source)
-    files.say_unused(source)
-
-    remarks = odd_remarks(scene, materials, config.dam.joint_pairs if config.dam else ())
+    remarks = (
+        *files.remarks,
+        *files.unused(),
+        *odd_remarks(scene, materials, config.dam.joint_pairs if config.dam else ()),
+    )
     top = max(float(block.points[:, 2].max()) for block in blocks.values())
     overtopped = [
         f"loads.joint_water[{k}].level: {water.level:g} m is above all blocks, which reach to {top:g} m; is "

@@ -32,6 +32,11 @@ def select_facets(block: Block, face: FaceRef, location: str) -> Ints:
                 f"{off.min():.4g} m off, tolerance {face.tolerance:g} m; correct `at`, or raise `tolerance`"
             )
         return facets
+    if face in block.unsound_faces:
+        raise ConfigError(
+            f"{location}: face {face!r} of block {block.name!r} is not sound in its mesh file: "
+            f"{block.unsound_faces[face]}; repair the file, or name another face"
+        )
     if face not in block.faces:
         known = ", ".join(sorted(block.faces)) or (
             "none (those of a mesh file are its groups of facets); select by plane: {axis: z, at: 0}"

@@ -35,7 +35,7 @@ TET = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
 TET10 = TET + [tuple((TET[a][k] + TET[b][k]) / 2 for k in range(3)) for a, b in MIDDLE]
 TURNED = [(y, -x, z) for x, y, z in CUBES]  # in a system whose x axis is the basic y axis
 
-# name -> (file name, text or {name: text}, volume or what the refusal says)
+# name -> (file name, text or {name: text}, volume, volume and remark, or what the refusal says)
 HAND = {
     # Nastran, read
     "blank continuation": ("a.bdf", small(), 2.0),
@@ -131,10 +131,14 @@ HAND = {
     "after the end": (
         "a.bdf",
         bdf(grids(), chexa(HEX[:1])) + "CHEXA,2,1,5,6,8,7,9,10,+\n+,12,11\n",
-        "after ENDDATA",
+        (1.0, "1 entries after ENDDATA are left out"),
     ),
-    "node twice": ("a.bdf", bdf(grids(), "GRID,5,,0.,0.,1.5", chexa()), "node 5 is given twice"),
-    "element twice": ("a.bdf", bdf(grids(), chexa(HEX[:1]), chexa(HEX[1:])), "element 1 is given twice"),
+    "node twice": ("a.bdf", bdf(grids(), "GRID,5,,0.,0.,1.5", chexa()), "uses node 5, which is given twice"),
+    "element twice": (
+        "a.bdf",
+        bdf(grids(), chexa(HEX[:1]), chexa(HEX[1:])),
+        "element 1 (hexahedron) has a number that is given twice",
+    ),
     "continuation of another": ("a.bdf", small(mark=("+A", "+B")), "continues '+B', and '+A'"),
     "continuation lost": ("a.bdf", bdf(grids(), chexa(form="CHEXA,{0},{1},{2}")), "expected 8 or 20"),
     "mid-edge nodes left out": (
@@ -165,7 +169,7 @@ HAND = {
     "unknown node": (
         "a.bdf",
         bdf(grids(), chexa([HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]])),
-        "elements use node 21",
+        "element 2 (hexahedron) uses node 21, which is not given",
     ),
     # gmsh
     "msh 2.2": ("a.msh", msh(), 2.0),
@@ -176,13 +180,17 @@ HAND = {
     ),
     "msh 4.1": ("a.msh", msh4(NODES4, CELLS4), 2.0),
     "msh 4.1 with two groups": ("a.msh", msh4(NODES4, CELLS4, "0 0 0 1\n1 0 0 0 1 1 2 2 5 6 0"), 2.0),
-    "msh 4.0": ("a.msh", msh(head="4 0 8"), "versions 2.2 and 4.1 are read"),
+    "msh 3": ("a.msh", msh(head="3 0 8"), "versions 2.2, 4.0 and 4.1 are read"),
     "msh node twice": (
         "a.msh",
         msh([*CUBES, (0, 0, 1.5)], numbers=[*range(1, 13), 5]),
-        "node 5 is given twice",
+        "uses node 5, which is given twice",
     ),
-    "msh element twice": ("a.msh", msh(ids=[3, 3]), "element 3 is given twice"),
+    "msh element twice": (
+        "a.msh",
+        msh(ids=[3, 3]),
+        "element 3 (hexahedron) has a number that is given twice",
+    ),
     "msh count too low": (
         "a.msh",
         msh().replace("$Elements\n2\n", "$Elements\n1\n"),
@@ -208,7 +216,7 @@ HAND = {
     "msh group without elements": (
         "a.msh",
         msh(extra='$PhysicalNames\n2\n3 1 "a"\n3 2 "b"\n$EndPhysicalNames\n'),
-        "names group 'b', which holds no elements",
+        (2.0, "group 'b' is named and holds no elements"),
     ),
     "msh plane": ("a.msh", msh(CUBES[:4], [[1, 2, 4, 3]], kind=3), "has no solid elements"),
     "msh nan": ("a.msh", msh(moved(CUBES, (0, 0, float("nan")), [11])), "finite coordinates"),
@@ -250,26 +258,30 @@ HAND = {
     "inp generate beyond": (
         "a.inp",
         inp(more="*ELSET, ELSET=all, GENERATE\n1, 1000000000\n"),
-        "999999998 members",
+        (2.0, "ranges of GENERATE hold numbers that are not given (ELSET all 999999998)"),
     ),
     "inp generate by zero": (
         "a.inp",
         inp(more="*ELSET, ELSET=all, GENERATE\n1, 2, 0\n"),
-        "no range that goes up",
+        (2.0, "*ELSET all, GENERATE 1, 2, 0 is no range that goes up"),
     ),
     "inp set of lost elements": (
         "a.inp",
         inp(cells=HEX[:1], points=SLAB, more="*ELSET, ELSET=all\n1, 2\n"),
-        "names 1 members that are not given",
+        (1.0, "group 'all' has element 2, which is not given (1 such members, limit 0)"),
     ),
     "inp blank coordinate": ("a.inp", inp().replace("\n1, 0, 0, 0", "\n1, , 0, 0"), 2.0),
-    "inp unknown type": ("a.inp", inp(kind="C3X8"), "unknown element type C3X8"),
+    "inp unknown type": ("a.inp", inp(kind="C3X8"), "has no solid elements in this block (left out: 2 C3X8)"),
     "inp misspelt": (
         "a.inp",
         inp().replace("*ELEMENT", "*ELEMEMT"),
         "*ELEMEMT is not known; is *ELEMENT meant?",
     ),
-    "inp cut": ("a.inp", inp(cells=HEX[:1]), "4 of 12 nodes belong to no element"),
+    "inp cut": (
+        "a.inp",
+        inp(cells=HEX[:1]),
+        (1.0, "belongs to no element and is left out (4 such nodes of 12)"),
+    ),
     # VTU
     "vtu": ("a.vtu", vtu(), 2.0),
     "vtu base64": ("a.vtu", vtu(array=packed(4)), 2.0),
@@ -279,7 +291,11 @@ HAND = {
     "vtu offsets": ("a.vtu", vtu(offsets=[7, 16]), "not as many as offsets say"),
     "vtu wrong type": ("a.vtu", vtu(kind=10), "not as many as offsets say"),
     "vtu unknown type": ("a.vtu", vtu(kind=42), "VTK's type 42"),
-    "vtu unknown node": ("a.vtu", vtu(cells=[HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]]), "elements use node 20"),
+    "vtu unknown node": (
+        "a.vtu",
+        vtu(cells=[HEX[0], [5, 6, 8, 7, 9, 10, 12, 21]]),
+        "element 1 (hexahedron) uses node 20, which is not given",
+    ),
     "vtu unknown compressor": (
         "a.vtu",
         vtu(attributes='compressor="vtkLZ4DataCompressor"'),
@@ -324,7 +340,7 @@ HAND = {
         "on the same side",
     ),
     "one twice": ("a.msh", msh(SLAB, [HEX[0], HEX[0]]), "occur twice"),
-    "inside out": ("a.msh", msh(SLAB, [HEX[0][4:] + HEX[0][:4]]), "Jacobian determinant"),
+    "inside out": ("a.msh", msh(SLAB, [HEX[0][4:] + HEX[0][:4]]), (1.0, "1 of 1 hexahedron are inside out")),
     "flat": ("a.msh", msh([(x, y, 0) for x, y, _ in SLAB], [HEX[0]]), "Jacobian determinant of 0"),
     "a corner turned in": (
         "a.msh",
@@ -355,6 +371,6 @@ HAND = {
     "no face of an element": (
         "a.bdf",
         bdf(grids(), chexa(), "CQUAD4,9,7,1,2,8,3"),
-        "is no face of a solid element",
+        (2.0, "group '7': element 9 (quad) is no face of a solid element, whose corners it has"),
     ),
 }

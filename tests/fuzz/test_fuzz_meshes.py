@@ -157,7 +157,8 @@ def facts(path):
     kept = Kept()
     kept.setLevel(logging.WARNING)
     logging.getLogger("romdam").addHandler(kept)
-    block = MeshFiles(path.parent).block("b", MeshFileConfig(file=path.name), CONCRETE, PLACE)
+    files = MeshFiles(path.parent)
+    block = files.block("b", MeshFileConfig(file=path.name), CONCRETE, PLACE)
     file = read_mesh_file(path, f"{PLACE}.file")
     elements = [tuple(row) for c in file.cells if c.dim == 3 for row in file.tags[c.nodes].tolist()]
     groups = {
@@ -169,7 +170,7 @@ def facts(path):
         for label, members in file.groups.items()
     }
     logging.getLogger("romdam").removeHandler(kept)
-    return sorted(elements), groups, block, kept.found
+    return sorted(elements), groups, block, kept.found + files.remarks
 
 
 def overlap(block):
@@ -231,7 +232,7 @@ def test_files_changed_at_random(cases, tmp_path):
 
 @pytest.mark.parametrize("name", HAND)
 def test_meshes_made_by_hand(name, tmp_path):
-    """Each trap is read with the volume it holds, or refused with its reason."""
+    """Each trap is read with the volume it holds, perhaps with a word, or refused with its reason."""
     file, text, expected = HAND[name]
     for path, content in text.items() if isinstance(text, dict) else [(file, text)]:
         (tmp_path / path).parent.mkdir(exist_ok=True)
@@ -240,12 +241,14 @@ def test_meshes_made_by_hand(name, tmp_path):
 
     def volume():
         block = files.block("b", MeshFileConfig(file=file), CONCRETE, PLACE)
-        return float(assemble(block)[1].sum() / 3.0 / CONCRETE.rho)
+        return float(assemble(block)[1].sum() / 3.0 / CONCRETE.rho), files.remarks
 
     outcome = bounded(volume, SECONDS)
     assert not outcome.crash and outcome.grown < MEMORY
-    if isinstance(expected, float):
-        assert not outcome.refusal and outcome.value == pytest.approx(expected, rel=1e-9)
+    if not isinstance(expected, str):
+        holds, word = expected if isinstance(expected, tuple) else (expected, "")
+        assert not outcome.refusal and outcome.value[0] == pytest.approx(holds, rel=1e-9)
+        assert not word or any(word in remark for remark in outcome.value[1])
     else:
         assert outcome.refusal.startswith(PLACE) and str(tmp_path / file) in outcome.refusal
         assert expected in outcome.refusal

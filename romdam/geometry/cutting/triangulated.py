@@ -5,6 +5,7 @@ For the nearest triangle all are tried, most by the sphere around them.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Self
@@ -16,8 +17,11 @@ from romdam.core.errors import MeshError, listed, quote
 from romdam.core.jit import njit
 from romdam.geometry.elements import ELEMENT_OF_CELL
 from romdam.geometry.facets import row_numbers
+from romdam.geometry.meshes.data import EVERYTHING
 from romdam.geometry.meshes.files import read_mesh_file
 from romdam.geometry.nearest import tree
+
+log = logging.getLogger(__name__)
 
 _EDGES = ((0, 1), (1, 2), (2, 0))
 
@@ -172,7 +176,9 @@ def read_surface(path: Path, group: str | int | None, scale: float, location: st
         for files that cannot be read or have no such triangles, and for what is no surface with two sides.
     """
     file = read_mesh_file(path, f"{location}.file")
-    members = [np.arange(len(cells.ids)) for cells in file.cells]
+    for remark in file.remarks:
+        log.warning("%s: %s", path, remark)
+    label, members = EVERYTHING, [np.arange(len(cells.ids)) for cells in file.cells]
     if group is not None:
         label = str(group) if str(group) in file.groups else file.numbers.get(str(group), "")
         if label not in file.groups:
@@ -181,6 +187,7 @@ def read_surface(path: Path, group: str | int | None, scale: float, location: st
                 f"{listed(file.groups)}"
             )
         members = file.groups[label]
+    file.refuse_unsound(label, members, 2, f"{location}.file: {path}")
     triangles = [np.zeros((0, 3), dtype=np.int64)]
     for cells, members_of in zip(file.cells, members, strict=True):
         if cells.dim == 2:

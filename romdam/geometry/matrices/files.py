@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,8 @@ UNITS = {
     "mm-kg-s": (1e-3, 1.0, 1.0),
 }
 """Length [m], mass [kg] and time [s] of each system of units."""
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 Numbered = tuple[Ints, Floats]
@@ -179,7 +182,7 @@ class _Reader:
             at = np.minimum(np.searchsorted(number[order], unknowns.node), len(number) - 1)
             same = lacking & (number[order][at] == unknowns.node)
             position[same] = points[order[at[same]]]
-            lacking = lacking & ~same
+            lacking &= np.isnan(position).any(axis=1)
         if lacking.any():
             k = int(np.flatnonzero(lacking)[0])
             raise MeshError(
@@ -193,6 +196,8 @@ class _Reader:
         path, length = self.path("nodes"), UNITS[self.config.units][0]
         if path.suffix.lower() in FORMATS:
             file = read_mesh_file(path, f"{self.location}.nodes")
+            for remark in file.remarks:
+                log.warning("%s: %s", path, remark)
             return file.tags, file.points * length
         if path.suffix.lower() != ".csv":
             raise MeshError(f"{self.at('nodes')}: known endings are .csv, {', '.join(FORMATS)}")

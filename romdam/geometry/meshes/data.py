@@ -8,12 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from romdam.core.errors import MeshError, quote
-from romdam.core.scene import Floats, Ints
-from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL, SOLIDS, jacobians
+from romdam.core.scene import Bools, Floats, Ints
+from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL, jacobians
 
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
-_LOOSE_SHARE, _LOOSE_NUMBER = 0.1, 3  # of nodes in no element: above both, elements are missing
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,23 @@ class Cells:
 
 
 Groups = dict[str, list[Ints]]
+EVERYTHING = ""  # in place of the label of a group: all elements of a file
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Elements of one kind that no block can take.
+
+    Attributes
+    ----------
+    kind : position of the kind in `MeshFile.cells`
+    rows : (n,) elements of that kind
+    reason : names the first element
+    """
+
+    kind: int
+    rows: Ints
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -46,13 +62,17 @@ class MeshFile:
 
     Attributes
     ----------
-    points : (n, 3) in the file's unit
+    points : (n, 3) in the file's unit; NaN where a number is given at two positions or is not finite
     tags : (n,) the nodes' numbers in the file
-    cells : elements, kind by kind
+    cells : elements, kind by kind; a node that the file does not give is -1, and the element has a fault
     groups : label -> element numbers in every one of `cells`; a label is a name, or a number as text
     node_sets : label -> node numbers
     numbers : label -> the other label of the same group (gmsh: number as text -> name)
     remarks : what was in the file and has not been used, and what of it is odd; for warnings
+    faults : elements that a job must not name
+    unsound : label, or `EVERYTHING` -> why a job must not name it
+    unsound_faces : label -> why a job must not name it as a face
+    left_out : label, or `EVERYTHING` -> types of its elements that no block is made of, and how many
     """
 
     points: Floats
@@ -62,10 +82,40 @@ class MeshFile:
     node_sets: dict[str, Ints] = field(default_factory=dict)
     numbers: dict[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    unsound: dict[str, str] = field(default_factory=dict)
+    unsound_faces: dict[str, str] = field(default_factory=dict)
+    left_out: dict[str, str] = field(default_factory=dict)
+
+    def refuse_unsound(self, label: str, members: list[Ints], dim: int, location: str) -> None:
+        """Refuse a group, or `EVERYTHING`, that a job names and that is not sound.
+
+        Parameters
+        ----------
+        members : numbers of elements in every one of `cells`
+        dim : of the elements that count
+        location : file and key, for messages
+
+        Raises
+        ------
+        MeshError
+        """
+        reasons = [self.unsound[label]] if label in self.unsound else []
+        reasons += [
+            fault.reason
+            for fault in self.faults
+            if self.cells[fault.kind].dim == dim and np.isin(fault.rows, members[fault.kind]).any()
+        ]
+        if reasons:
+            what = "" if label == EVERYTHING else f"group {quote(label)}: "
+            raise MeshError(f"{location}: {what}{reasons[0]}; repair the file, or name a group without them")
 
 
 def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) -> MeshFile:
-    """Number nodes from 0, once every number is given once, every position is finite and every node known.
+    """Number nodes from 0, turn elements that are inside out, and note those that no block can take.
+
+    These are elements of nodes that are not given, given at two positions or not finite, solids that name a
+    node twice, and elements whose number is given twice. Nodes that no element uses are left out.
 
     Parameters
     ----------
@@ -76,71 +126,79 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
     Raises
     ------
     MeshError
+        for a file without nodes.
     """
     if not len(points):
         raise MeshError(f"{location} has no nodes; export the mesh anew")
-    _refuse_repeated(tags, "node", location)
-    far = np.flatnonzero(~(np.abs(points) <= _FARTHEST).all(axis=1))
-    if len(far):
-        at = ", ".join(f"{x:.6g}" for x in points[far[0]])
-        raise MeshError(
-            f"{location}: node {tags[far[0]]} is at ({at}), expected finite coordinates up to {_FARTHEST:g} "
-            f"({len(far)} such nodes); repair the file"
-        )
-    if cells:
-        _refuse_repeated(np.concatenate([c.ids for c in cells]), "element", location)
+    far: Bools = np.asarray(~(np.abs(points) <= _FARTHEST).all(axis=1))
+    _, first, same = np.unique(tags, return_index=True, return_inverse=True)
+    moved = np.isin(tags, tags[(points != points[first[same]]).any(axis=1) & ~far])
+    kept, remarks = np.sort(first), list[str]()
+    if len(kept) < len(tags):
+        remarks.append(f"{len(tags) - len(kept)} of {len(tags)} nodes are given again; the first counts")
+    tags, far, moved = tags[kept], far[kept], moved[kept]
+    points = np.where((moved | far)[:, None], np.nan, points[kept])
     order = np.argsort(tags, kind="stable")
-    known, numbered = tags[order], []
-    for c in cells:
-        rank = np.minimum(np.searchsorted(known, c.nodes), len(known) - 1)
-        lost = np.argwhere(known[rank] != c.nodes)
-        if len(lost):
-            row, column = lost[0]
-            raise MeshError(
-                f"{location}: elements use node {c.nodes[row, column]}, which is not given (the first is "
-                f"element {c.ids[row]}, {c.kind}; {len(lost)} such uses); repair the file"
-            )
-        numbered.append(replace(c, nodes=np.asarray(order[rank], dtype=np.int64)))
-    for c in numbered:
-        nodes = np.sort(c.nodes, axis=1)
-        twice = np.flatnonzero((nodes[:, 1:] == nodes[:, :-1]).any(axis=1))
-        if c.dim == 3 and len(twice):
-            raise MeshError(
-                f"{location}: element {c.ids[twice[0]]} ({c.kind}) names a node twice ({len(twice)} such "
-                "elements, limit 0): it is collapsed; mesh with full hexahedra or tetrahedra"
-            )
-    return MeshFile(points, tags, numbered, remarks=_remarks(tags, points, numbered, location))
-
-
-def _refuse_repeated(numbers: Ints, what: str, location: str) -> None:
-    distinct, counts = np.unique(numbers, return_counts=True)
-    twice = distinct[counts > 1]
-    if len(twice):
-        raise MeshError(
-            f"{location}: {what} {twice[0]} is given twice (several parts?), limit once "
-            f"({len(twice)} such numbers); renumber, or merge the parts into one flat mesh with sets"
-        )
-
-
-def _remarks(tags: Ints, points: Floats, cells: list[Cells], location: str) -> tuple[str, ...]:
-    """Remarks on nodes that no element uses; raises where these are so many that elements are missing."""
-    taken = np.zeros(len(tags), dtype=bool)
-    for block in cells:
-        taken[block.nodes] = True
-    loose = tags[~taken]
-    if len(loose) > max(_LOOSE_NUMBER, _LOOSE_SHARE * len(tags)):
-        raise MeshError(
-            f"{location}: {len(loose)} of {len(tags)} nodes belong to no element (the first is {loose[0]}), "
-            f"limit {100 * _LOOSE_SHARE:g} %: elements are missing, or the file was cut; export it anew, "
-            "without unused nodes"
-        )
-    if not len(loose):
-        return ()
-    at = ", ".join(f"{x:.6g}" for x in points[np.argmin(taken)])
-    return (
-        f"node {loose[0]} (at ({at}) in the file's unit) belongs to no element and is left out "
-        f"({len(loose)} such nodes)",
+    ids, counts = np.unique(
+        np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]), return_counts=True
     )
+    numbered, faults = [], []
+    for kind, c in enumerate(cells):
+        place = np.minimum(np.searchsorted(tags[order], c.nodes), len(tags) - 1)
+        lost = tags[order][place] != c.nodes
+        nodes = np.where(lost, -1, order[place])
+        ordered = np.sort(c.nodes, axis=1)
+        repeated: Bools = (ordered[:, 1:] == ordered[:, :-1]) & (c.dim == 3)
+        for wrong, what in (
+            (lost, "uses node {node}, which is not given"),
+            (moved[nodes] & ~lost, "uses node {node}, which is given twice, at two positions"),
+            (far[nodes] & ~lost, f"uses node {{node}}, expected finite coordinates up to {_FARTHEST:g}"),
+            (repeated, "names a node twice: it is collapsed; mesh with full hexahedra or tetrahedra"),
+            (np.isin(c.ids, ids[counts > 1])[:, None], "has a number that is given twice"),
+        ):
+            rows = np.flatnonzero(wrong.any(axis=1))
+            if len(rows):
+                row = rows[0]
+                text = what.format(node=c.nodes[row, np.argmax(wrong[row])])
+                reason = f"element {c.ids[row]} ({c.kind}) {text} ({len(rows)} such elements, limit 0)"
+                faults.append(Fault(kind, rows, reason))
+                remarks.append(f"{reason}; no block can take it")
+        numbered.append(replace(c, nodes=np.asarray(nodes, dtype=np.int64)))
+    used = np.zeros(len(tags) + 1, dtype=bool)  # the last is of nodes that are not given
+    for c in numbered:
+        used[c.nodes] = True
+    loose = np.flatnonzero(~used[:-1])
+    if len(loose):
+        at = ", ".join(f"{x:.6g}" for x in points[loose[0]])
+        remarks.append(
+            f"node {tags[loose[0]]} (at ({at}) in the file's unit) belongs to no element and is left out "
+            f"({len(loose)} such nodes of {len(tags)})"
+        )
+    return _turned(MeshFile(points, tags, numbered, remarks=tuple(remarks), faults=tuple(faults)))
+
+
+def _turned(mesh: MeshFile) -> MeshFile:
+    """Turn solids that are inside out.
+
+    MED's order of nodes is the mirror image of VTK's, edges and facets included.
+    """
+    cells, remarks = [], []
+    for block in mesh.cells:
+        if block.dim == 3 and block.kind in ELEMENT_OF_CELL:
+            element = ELEMENT_OF_CELL[block.kind]
+            centre = element.nodes[: element.corners].mean(axis=0)[None]
+            with np.errstate(all="ignore"):  # of nodes that are not finite
+                volume = np.linalg.det(jacobians(mesh.points, block.nodes, element, centre)[:, 0])
+            wrong = volume < 0.0
+            if wrong.any():
+                mirrored = block.nodes[:, np.argsort(element.cell.orders["med"])]
+                block = replace(block, nodes=np.where(wrong[:, None], mirrored, block.nodes))
+                remarks.append(
+                    f"{wrong.sum()} of {len(wrong)} {block.kind} are inside out in the order of nodes that "
+                    f"the format has, and have been turned (the first is element {block.ids[wrong][0]})"
+                )
+        cells.append(block)
+    return replace(mesh, cells=cells, remarks=(*mesh.remarks, *remarks))
 
 
 def by_value(values: list[Ints]) -> Groups:
@@ -160,55 +218,67 @@ def by_value(values: list[Ints]) -> Groups:
     return dict(sorted(groups.items(), key=lambda item: int(item[0])))
 
 
-def by_number(
-    mesh: MeshFile, elements: dict[str, Ints], nodes: dict[str, Ints]
-) -> tuple[Groups, dict[str, Ints]]:
-    """Groups of elements and sets of nodes that name their members by the file's numbers.
+def grouped(
+    mesh: MeshFile,
+    elements: dict[str, Ints],
+    nodes: dict[str, Ints],
+    left_out: dict[str, Ints] | None = None,
+    unread: dict[str, Ints] | None = None,
+) -> MeshFile:
+    """A mesh with groups of elements and sets of nodes that name their members by the file's numbers.
 
-    Raises
-    ------
-    ValueError
-        for members that are not given.
+    Parameters
+    ----------
+    elements, nodes : label -> numbers of its members
+    left_out : type -> numbers of the elements of types that no block is made of
+    unread : type -> numbers of solids that cannot be read, which no block may name
     """
+    left_out, unread = left_out or {}, unread or {}
     every = np.concatenate([np.zeros(0, np.int64), *(c.ids for c in mesh.cells)])
-    for what, sets, known in (("element", elements, every), ("node", nodes, mesh.tags)):
-        for name, members in sets.items():
-            lost = members[~np.isin(members, known)]
+    known = np.concatenate([every, *left_out.values(), *unread.values()])
+    unsound, lost_of, left_of = dict[str, str](), dict[str, str](), dict[str, str]()
+    for what, sets, given in (("element", elements, known), ("node", nodes, mesh.tags)):
+        for label, members in sets.items():
+            lost = members[~np.isin(members, given)]
             if len(lost):
-                raise ValueError(
-                    f"group {name!r} has {what} {lost[0]}, which is not given ({len(lost)} such members): "
-                    "the file was cut, or has lost them"
+                lost_of[label] = (
+                    f"has {what} {lost[0]}, which is not given ({len(lost)} such members, limit 0)"
                 )
+    for label, members in (elements | {EVERYTHING: known}).items():
+        if types := _of_types(members, unread):
+            unsound[label] = f"has solids that are not read ({types})"
+        if types := _of_types(members, left_out):
+            left_of[label] = types
+    remarks = []
+    if types := _of_types(known, left_out | unread):
+        remarks.append(f"elements that no block is made of are left out ({types})")
+    if lost_of:
+        label, reason = next(iter(lost_of.items()))
+        remarks.append(f"group {label!r} {reason}; {len(lost_of)} such groups, which no key may name")
     order = np.argsort(mesh.tags, kind="stable")
-    groups = {
-        n: [np.flatnonzero(np.isin(c.ids, members)) for c in mesh.cells] for n, members in elements.items()
-    }
-    return groups, {n: order[np.searchsorted(mesh.tags[order], members)] for n, members in nodes.items()}
+    node_sets = {}
+    for label, members in nodes.items():
+        members = members[np.isin(members, mesh.tags)]
+        node_sets[label] = order[np.searchsorted(mesh.tags[order], members)]
+    return replace(
+        mesh,
+        groups={
+            n: [np.flatnonzero(np.isin(c.ids, members)) for c in mesh.cells]
+            for n, members in elements.items()
+        },
+        node_sets=node_sets,
+        remarks=(*mesh.remarks, *remarks),
+        unsound=unsound | lost_of,
+        left_out=left_of,
+    )
 
 
-def turned(mesh: MeshFile, kinds: Sequence[str]) -> MeshFile:
-    """Turn elements of some kinds that are inside out, for formats whose writers differ on what is outside.
-
-    MED's order of nodes is the mirror image of VTK's, edges and facets included.
-    """
-    cells, remarks = [], []
-    for block in mesh.cells:
-        if block.dim == 3 and block.kind in kinds and block.kind in ELEMENT_OF_CELL:
-            element = ELEMENT_OF_CELL[block.kind]
-            centre = element.nodes[: element.corners].mean(axis=0)[None]
-            wrong = np.linalg.det(jacobians(mesh.points, block.nodes, element, centre)[:, 0]) < 0.0
-            if wrong.any():
-                mirrored = block.nodes[:, np.argsort(element.cell.orders["med"])]
-                block = replace(block, nodes=np.where(wrong[:, None], mirrored, block.nodes))
-                remarks.append(
-                    f"{wrong.sum()} of {len(wrong)} {block.kind} are inside out in the order of nodes that "
-                    "the format has, and have been turned"
-                )
-        cells.append(block)
-    return replace(mesh, cells=cells, remarks=(*mesh.remarks, *remarks))
+def _of_types(members: Ints, types: dict[str, Ints]) -> str:
+    counts = {name: int(np.isin(numbers, members).sum()) for name, numbers in sorted(types.items())}
+    return ", ".join(f"{count} {name}" for name, count in counts.items() if count)
 
 
-def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
+def missing_ids(cells: Sequence[Cells]) -> tuple[str, ...]:
     """A remark on numbers left out among the elements', for formats that do not say how many there are."""
     ids = np.unique(np.concatenate([c.ids for c in cells])) if cells else np.zeros(0, int)
     steps = np.diff(ids)
@@ -224,10 +294,7 @@ def missing_ids(cells: list[Cells]) -> tuple[str, ...]:
 def cannot_be_read(location: str, kind: str, why: str) -> MeshError:
     """The error for a damaged file; `location` is its key and path."""
     article = "an" if kind[0] in "aeiou" else "a"
-    return MeshError(
-        f"{location} cannot be read as {article} {kind} file ({why}); supported "
-        f"solid elements are {', '.join(SOLIDS)}; export the mesh anew"
-    )
+    return MeshError(f"{location} cannot be read as {article} {kind} file ({why}); export the mesh anew")
 
 
 def numbers_of(words: Sequence[bytes | str], what: str) -> Floats:

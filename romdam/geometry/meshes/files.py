@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Floats, Ints, Material
 from romdam.geometry.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
 from romdam.geometry.facets import all_facets, boundary_facets, facet_keys, row_numbers
-from romdam.geometry.meshes.data import LARGEST, MeshFile
+from romdam.geometry.meshes.data import EVERYTHING, LARGEST, MeshFile
 from romdam.geometry.meshes.formats.abaqus import read_abaqus
 from romdam.geometry.meshes.formats.ansys import read_ansys
 from romdam.geometry.meshes.formats.aster import read_aster
@@ -28,8 +28,6 @@ from romdam.geometry.meshes.formats.vtu import read_vtu
 from romdam.geometry.meshes.kinds import facets_by_kind, mixed_cells
 from romdam.geometry.meshes.quality import refuse_bad_cells
 from romdam.geometry.meshes.refinement import refine
-
-log = logging.getLogger(__name__)
 
 FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
     ".msh": read_gmsh,
@@ -52,10 +50,15 @@ class MeshFiles:
     Parameters
     ----------
     folder : that relative paths start at
+
+    Attributes
+    ----------
+    remarks : what in the files has not been used and what of them is odd, for the result
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.remarks: list[str] = []
         self._read: dict[Path, MeshFile] = {}
         self._used: dict[Path, list[Bools]] = {}
 
@@ -80,22 +83,32 @@ class MeshFiles:
         if path not in self._read:
             file = self._read[path] = read_mesh_file(path, f"{location}.file")
             self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
+            self.remarks += [f"{path}: {remark}" for remark in file.remarks]
         file = self._read[path]
         if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
             taken = "all groups" if config.group is None else f"group {config.group!r}"
-            log.warning(
-                "%s.group: the block takes %s of %s, which has a group %r too", location, taken, path, name
-            )
-        members = _members(file, config.group, path, location)
+            self.remarks.append(f"{path}: block {name!r} takes {taken}, and there is a group {name!r} too")
+        label, members = _members(file, config.group, path, location)
+        file.refuse_unsound(label, members, 3, f"{location}.file: {path}")
+        if label != EVERYTHING and label in file.left_out:
+            self.remarks.append(f"{path}: group {label!r} holds {file.left_out[label]} too, left out")
         for used, members_of in zip(self._used[path], members, strict=True):
             used[members_of] = True
-        element, cells = _cells(file, members, path, location)
+        element, cells = _cells(file, members, file.left_out.get(label, ""), f"{location}.file: {path}")
         nodes, local = np.unique(cells, return_inverse=True)
         cells = local.reshape(cells.shape)
-        number = np.full(len(file.points), -1)
+        number = np.full(len(file.points) + 1, -1)  # the last is of nodes that the file does not give
         number[nodes] = np.arange(len(nodes))
         faces = _faces(file, boundary_facets(cells, element), number)
-        block = Block(name, element, file.points[nodes] * scale, cells, material, faces)
+        block = Block(
+            name,
+            element,
+            file.points[nodes] * scale,
+            cells,
+            material,
+            faces,
+            unsound_faces=file.unsound_faces,
+        )
         refuse_bad_cells(block, f"{location}.file: {path}")
         for _ in range(config.refine):
             block = refine(block, f"{location}.refine")
@@ -106,8 +119,9 @@ class MeshFiles:
         file = self._read[self.folder / config.file]
         return file.tags, file.points * to_si(f"1 {config.unit}", "m")
 
-    def say_unused(self, source: str) -> None:
-        """Log which solid elements of the files belong to no block."""
+    def unused(self) -> list[str]:
+        """Say which solid elements of the files belong to no block."""
+        remarks = []
         for path, file in self._read.items():
             solid = [(c, u) for c, u in zip(file.cells, self._used[path], strict=True) if c.dim == 3]
             total = sum(len(u) for _, u in solid)
@@ -118,11 +132,12 @@ class MeshFiles:
                     uses = zip(members, file.cells, self._used[path], strict=True)
                     if any((~u[m]).any() for m, c, u in uses if c.dim == 3):
                         groups.append(label)
-                log.warning(
-                    "%s: %s: %d of its %d solid elements (%s) belong to no block; groups of them: %s",
-                    source, path, sum(left.values()), total,
-                    ", ".join(f"{n} {kind}" for kind, n in left.items()), ", ".join(groups) or "none",
-                )  # fmt: skip
+                remarks.append(
+                    f"{path}: {sum(left.values())} of its {total} solid elements "
+                    f"({', '.join(f'{n} {kind}' for kind, n in left.items())}) belong to no block; groups of "
+                    f"them: {', '.join(groups) or 'none'}"
+                )
+        return remarks
 
 
 def read_mesh_file(path: Path, location: str) -> MeshFile:
@@ -131,7 +146,8 @@ def read_mesh_file(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for a file that is missing, no file, too large, of another format, damaged or contradicts itself.
+        for a file that is missing, no file, too large, of another format, or damaged. What a job need not
+        name is left out with a remark, and refused where the job names it (`MeshFile.refuse_unsound`).
     """
     read = FORMATS.get(path.suffix.lower())
     if read is None:
@@ -148,26 +164,27 @@ def read_mesh_file(path: Path, location: str) -> MeshFile:
             ) from None
         text = str(error)
         raise MeshError(text if text.startswith(location) else f"{location}: {text}") from None
-    for remark in (*file.remarks, *_loose_facets(file, f"{location}: {path}")):
-        log.warning("%s: %s: %s", location, path, remark)
-    return file
+    return _with_facets(file)
 
 
-def _loose_facets(file: MeshFile, location: str) -> list[str]:
-    """Remarks on groups of facets that lie on no solid element.
+def _with_facets(file: MeshFile) -> MeshFile:
+    """A file with remarks on groups of facets that lie on no solid element.
 
-    Raises
-    ------
-    MeshError
-        where solid elements have all corners of a facet, but none has it as a face.
+    No face are those of which solid elements have all corners and none has them as a face, and facets with a
+    fault.
     """
-    remarks: list[str] = []
-    solid = np.zeros(len(file.points), dtype=bool)
+    remarks, unsound = list[str](), dict[str, str]()
+    solid = np.zeros(len(file.points) + 1, dtype=bool)
     for cells in file.cells:
         if cells.dim == 3:
             solid[cells.nodes] = True
+    solid[-1] = False  # nodes that the file does not give
     if not solid.any():  # a surface
-        return remarks
+        return file
+    for fault in file.faults:
+        for label, rows_of in file.groups.items():
+            if file.cells[fault.kind].dim == 2 and np.isin(fault.rows, rows_of[fault.kind]).any():
+                unsound[label] = fault.reason
     for k, cells in enumerate(file.cells):
         members = {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
         if cells.dim != 2 or not members:
@@ -178,17 +195,21 @@ def _loose_facets(file: MeshFile, location: str) -> list[str]:
             lost = members_of[off[members_of]]
             bad = lost[solid[corner[lost]].all(axis=1)]
             if len(bad):
-                raise MeshError(
-                    f"{location}: element {cells.ids[bad[0]]} ({cells.kind}) of group {label!r} is no face "
-                    f"of a solid element, whose corners it has ({len(bad)} such elements, limit 0); export "
-                    "the mesh anew"
+                unsound[label] = (
+                    f"element {cells.ids[bad[0]]} ({cells.kind}) is no face of a solid element, whose "
+                    f"corners it has ({len(bad)} such elements, limit 0)"
                 )
-            if len(lost):
+                remarks.append(f"group {label!r}: {unsound[label]}; no key may name it as a face")
+            elif len(lost):
                 remarks.append(
                     f"{len(lost)} of {len(members_of)} {cells.kind} of group {label!r} lie on no solid "
                     "element"
                 )
-    return remarks
+    return replace(
+        file,
+        remarks=(*file.remarks, *remarks),
+        unsound_faces=file.unsound | file.unsound_faces | unsound,
+    )
 
 
 def _on_faces(file: MeshFile, corners: Ints) -> Bools:
@@ -210,10 +231,10 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
     return np.isin(number[: len(corners)], number[len(corners) :])
 
 
-def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> list[Ints]:
-    """Cell numbers of the group in every block of the file."""
+def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> tuple[str, list[Ints]]:
+    """Label of a group, and its cell numbers in every kind of the file."""
     if group is None:
-        return [np.arange(len(c.ids)) for c in file.cells]
+        return EVERYTHING, [np.arange(len(c.ids)) for c in file.cells]
     label = str(group)
     if label not in file.groups or not _solids(file, file.groups[label]):
         label = file.numbers.get(label, label)
@@ -224,15 +245,15 @@ def _members(file: MeshFile, group: str | int | None, path: Path, location: str)
             f"{location}.group: group {group!r} {what} in {path}; groups of solid elements are "
             f"{', '.join(known) or 'none: leave `group` out to take all elements'}"
         )
-    return file.groups[label]
+    return label, file.groups[label]
 
 
 def _solids(file: MeshFile, members: list[Ints]) -> int:
     return sum(len(m) for m, cells in zip(members, file.cells, strict=True) if cells.dim == 3)
 
 
-def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tuple[str, Ints]:
-    """The block's element and its cells, in the file's node numbers."""
+def _cells(file: MeshFile, members: list[Ints], left_out: str, location: str) -> tuple[str, Ints]:
+    """The block's element and its cells, in the file's node numbers; `left_out` for messages."""
     kinds: dict[str, list[Ints]] = {}
     for m, cells in zip(members, file.cells, strict=True):
         if cells.dim == 3 and len(m):
@@ -242,8 +263,8 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tu
     if not set(counts) <= set(ELEMENT_OF_CELL) or not counts:
         known = ", ".join(f"{element.cell.name} ({name})" for name, element in SOLIDS.items())
         raise MeshError(
-            f"{location}.file: {path} has {listed} in this block; supported are {known}; mesh the part with "
-            "one of these"
+            f"{location} has {listed} in this block{f' (left out: {left_out})' if left_out else ''}; "
+            f"supported are {known}; mesh the part with one of these"
         )
     tables = {kind: np.concatenate(cell_nodes) for kind, cell_nodes in kinds.items()}
     if len(tables) == 1:
@@ -251,7 +272,7 @@ def _cells(file: MeshFile, members: list[Ints], path: Path, location: str) -> tu
         return ELEMENT_OF_CELL[kind].name, cell_nodes
     if not (mixed := mixed_cells(tables)):
         raise MeshError(
-            f"{location}.file: {path} mixes elements in this block ({listed}); a block takes linear elements "
+            f"{location} mixes elements in this block ({listed}); a block takes linear elements "
             "or those with mid-edge nodes, hexahedron27 apart; put the others into groups and blocks of "
             "their own, tied by joints"
         )
@@ -265,6 +286,8 @@ def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
     faces = {}
     for label, members in file.groups.items():
+        if label in file.unsound_faces:
+            continue
         numbers: set[int] = set()
         for m, cells in zip(members, file.cells, strict=True):
             if cells.dim != 2 or (count := ELEMENT_OF_CELL[cells.kind].corners) > width:
@@ -276,6 +299,8 @@ def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
         if chosen := sorted(numbers - {-1}):
             faces[label] = boundary[chosen]
     for label, nodes in file.node_sets.items():
+        if label in file.unsound_faces:
+            continue
         inside = np.isin(keys, number[nodes]).all(axis=1)
         if inside.any():
             faces.setdefault(label, boundary[inside])

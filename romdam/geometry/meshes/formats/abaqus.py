@@ -23,10 +23,10 @@ from romdam.geometry.elements import CELLS, SOLIDS
 from romdam.geometry.meshes.data import (
     LARGEST,
     Cells,
-    Groups,
     MeshFile,
     cannot_be_read,
     checked_mesh,
+    grouped,
     missing_ids,
 )
 from romdam.geometry.meshes.formats.abaqus_assembly import Keyword, Lines, flat
@@ -35,14 +35,10 @@ _DEEPEST = 10  # of files that include each other
 _ASSEMBLY = ("INSTANCE", "END INSTANCE", "PART", "END PART", "ASSEMBLY", "END ASSEMBLY")
 _SOLID = re.compile(r"^(?:DC|AC|C)3D(\d+)[A-Z]*$")
 _SHELL = re.compile(r"^(?:CPS|CPE|CAX|SFM3D|M3D|R3D|STRI|S|DS)(\d)[A-Z]*\d?$")
-_OTHER = re.compile(  # structural and special elements, which no block is made of
-    r"^(?:[TBFR][23]D|B[23]\d|PIPE|ELBOW|FRAME|SPRING|DASHPOT|MASS|ROTARYI|CONN|GAP|COH|SC\d|RAX|JOINT|ITT|ISL"
-    r"|HEATCAP|INERTIA|AC2D|ACIN|U\d)"
-)
 _SOLID_TYPES, _SHELL_TYPES = (
     {cell.nodes: cell for cell in CELLS.values() if cell.abaqus and cell.dim == dim} for dim in (3, 2)
 )
-_USE = "use one of " + ", ".join(f"C3D{cell.nodes}" for cell in _SOLID_TYPES.values())
+_REDUCED = re.compile(r"^C3D(?:8|20|27)[A-Z]*R")  # fewer Gauss points than here
 _HEX_SIDES = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 _TET_SIDES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
 _WEDGE_SIDES = ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0))
@@ -65,7 +61,11 @@ class _Deck:
     blocks: list[tuple[Cell, list[list[int]]]] = field(default_factory=list)  # number and nodes
     sets: dict[str, dict[str, list[list[str]]]] = field(default_factory=lambda: {"ELSET": {}, "NSET": {}})
     surfaces: dict[str, list[tuple[str, int]]] = field(default_factory=dict)  # element or set, side
-    others: Counter[str] = field(default_factory=Counter)  # element types that are left out
+    left_out: dict[str, list[int]] = field(default_factory=dict)  # type that no block is made of -> numbers
+    unread: dict[str, list[int]] = field(default_factory=dict)  # the same of solids
+    unsound: dict[str, str] = field(default_factory=dict)  # set or surface -> why it must not be named
+    holes: dict[str, int] = field(default_factory=dict)  # set -> numbers of its ranges that are not given
+    reduced: Counter[str] = field(default_factory=Counter)  # types of reduced integration
     short: int = 0  # nodes with fewer than three coordinates
     remarks: list[str] = field(default_factory=list)
 
@@ -108,20 +108,20 @@ class _Deck:
             self.add("NSET", options["NSET"], [[line[0]] for line in lines])
 
     def read_elements(self, options: dict[str, str], lines: Lines) -> None:
-        """Read *ELEMENT; elements that are neither solids nor shells are counted only."""
+        """Read *ELEMENT; of types that are neither solids nor shells only the numbers."""
         kind = options.get("TYPE", "").upper()
-        if solid := _SOLID.match(kind):
-            cell = _SOLID_TYPES.get(int(solid[1]))
-            if cell is None:
-                raise self.error(f"unsupported element type {kind}; {_USE}")
-        else:
-            shell = _SHELL.match(kind)
-            cell = _SHELL_TYPES.get(int(shell[1])) if shell else None
-            if cell is None and not _OTHER.match(kind):
-                raise self.error(f"unknown element type {kind or '(none)'}; {_USE}")
-            if cell is None:  # neither solid nor shell
-                self.others[kind] += len(lines)
-                return
+        solid, shell = _SOLID.match(kind), _SHELL.match(kind)
+        cell = (
+            _SOLID_TYPES.get(int(solid[1])) if solid else _SHELL_TYPES.get(int(shell[1])) if shell else None
+        )
+        labels = [options[key] for key in ("ELSET", "INSTANCE") if key in options]
+        if cell is None:
+            heads = [line for above, line in zip([["1"], *lines], lines, strict=False) if above[-1]]
+            numbers = self.whole([line[0] for line in heads], f"*ELEMENT, TYPE={kind}")
+            (self.unread if solid else self.left_out).setdefault(kind or "(no type)", []).extend(numbers)
+            for label in labels:
+                self.add("ELSET", label, [[str(number)] for number in numbers])
+            return
         size = cell.nodes
         rows: list[list[int]] = []
         row: list[int] = []
@@ -130,18 +130,23 @@ class _Deck:
             if len(row) > size:
                 rows.append(row)
                 row = []
-            if rows and len(rows[-1]) > size + 1:
-                break
-        if row or (rows and len(rows[-1]) != size + 1):
-            wrong = row or rows[-1]
+        given = {len(row) for row in rows}
+        if row or len(given - {size + 1}) > 1 or (len(given) == 2 and size + 1 in given):
+            wrong = row or next(row for row in rows if len(row) != size + 1)
             raise self.error(
                 f"*ELEMENT, TYPE={kind}: element {wrong[0]} has {len(wrong) - 1} nodes, expected {size}, "
                 "each element on lines of its own; repair the file"
             )
+        if given - {size + 1}:
+            self.remarks.append(
+                f"{len(rows)} elements of TYPE={kind} list {max(given) - 1} nodes, of which {size} count"
+            )
+            rows = [row[: size + 1] for row in rows]
+        if _REDUCED.match(kind):
+            self.reduced[kind] += len(rows)
         self.blocks.append((cell, rows))
-        for key in ("ELSET", "INSTANCE"):
-            if key in options:
-                self.add("ELSET", options[key], [[str(row[0])] for row in rows])
+        for label in labels:
+            self.add("ELSET", label, [[str(row[0])] for row in rows])
 
     def add(self, kind: str, label: str, entries: list[list[str]]) -> None:
         """Add entries to a set."""
@@ -175,15 +180,14 @@ class _Deck:
             )
         self.surfaces.setdefault(label, []).extend(sides)
 
-    def members(
-        self,
-        kind: str,
-        name: str,
-        known: dict[str, Ints],
-        lenient: bool = False,
-        above: tuple[str, ...] = (),
-    ) -> Ints:
-        """Numbers of a set, the sets that it names resolved."""
+    def members(self, kind: str, name: str, known: Ints, above: tuple[str, ...] = ()) -> Ints:
+        """Numbers of a set, the sets that it names resolved.
+
+        Raises
+        ------
+        MeshError
+            for words that are neither numbers nor sets.
+        """
         members_of: list[Ints] = [np.zeros(0, np.int64)]
         single: list[str] = []
         what = f"*{kind} {name}"
@@ -193,87 +197,103 @@ class _Deck:
                 first, last, step = self.whole(entry, what)
                 if step < 1 or last < first:
                     raise self.error(f"{what}, GENERATE {first}, {last}, {step} is no range that goes up")
-                start, stop = np.searchsorted(known[kind], first), np.searchsorted(known[kind], last, "right")
-                inside = known[kind][start:stop]
-                members_inside = inside[(inside - first) % step == 0]
-                self.refuse_lost(what, (last - first) // step + 1 - len(members_inside), lenient)
-                members_of.append(members_inside)
+                start, stop = np.searchsorted(known, first), np.searchsorted(known, last, "right")
+                inside = known[start:stop][(known[start:stop] - first) % step == 0]
+                if holes := (last - first) // step + 1 - len(inside):
+                    self.holes[f"{kind} {name}"] = holes
+                members_of.append(inside)
             elif other in self.sets[kind] and other not in (*above, name):
-                members_of.append(self.members(kind, other, known, lenient, (*above, name)))
+                members_of.append(self.members(kind, other, known, (*above, name)))
             else:
                 single += entry
-        numbers = np.array(self.whole(single, what), dtype=np.int64)
-        there = np.isin(numbers, known[kind])
-        self.refuse_lost(what, int((~there).sum()), lenient)
-        return np.unique(np.concatenate([*members_of, numbers[there]]))
+        return np.unique(np.concatenate([*members_of, np.array(self.whole(single, what), dtype=np.int64)]))
 
-    def refuse_lost(self, what: str, lost: int, lenient: bool) -> None:
-        """Refuse a set that names members that are not given, unless elements are left out."""
-        if lost and not lenient:
-            raise self.error(
-                f"{what} names {lost} members that are not given, limit 0: the file was cut, or has lost them"
-            )
+    def resolved(self, kind: str, known: Ints) -> dict[str, Ints]:
+        """Numbers of all sets; those that cannot be resolved are empty and unsound."""
+        members = {}
+        for name in self.sets[kind]:
+            try:
+                members[name] = self.members(kind, name, known)
+            except MeshError as error:
+                members[name] = np.zeros(0, np.int64)
+                self.unsound[name] = str(error).removeprefix(f"{self.location}: ")
+        return members
 
     def surface_cells(
-        self, sides: list[tuple[str, int]], name: str, members: dict[str, Ints], solids: list[Cells]
+        self, name: str, members: dict[str, Ints], cells: list[Cells], known: Ints
     ) -> list[Cells]:
-        """The facets of a surface; they get numbers below zero and join the set of its name."""
+        """The facets of a surface; they get numbers below zero and join the set of its name.
+
+        Sides of shells and of elements that are left out are no facets of solids; sides that no element has
+        make the surface unsound.
+        """
         facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
-        for of, side in sides:
+        others = 0
+        for of, side in self.surfaces[name]:
             label = self.name("ELSET", of)
-            wanted = members[label] if label in members else np.array(self.whole([of], f"*SURFACE {name}"))
+            if label not in members and not of.isdecimal():
+                self.unsound[name] = f"*SURFACE {name} is of {quote(of)}, which is not given"
+                continue
+            wanted = members[label] if label in members else np.array([int(of)])
+            solid = np.zeros(len(wanted), dtype=bool)
             count = 0
-            for block in solids:
+            for block in cells:
+                if block.dim != 3:
+                    continue
+                solid |= np.isin(wanted, block.ids)
                 corners = _SIDES.get(block.kind, ())
                 if side <= len(corners):
                     rows = block.nodes[np.isin(block.ids, wanted)][:, list(corners[side - 1])]
                     facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
                     count += len(rows)
-            if count < len(wanted):
-                raise self.error(
+            others += int(np.isin(wanted[~solid], known).sum())
+            if count < solid.sum() or not np.isin(wanted, known).all():
+                self.unsound[name] = (
                     f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist"
                 )
-        first = min(0, *(int(m.min(initial=0)) for m in members.values())) - 1 if members else -1
-        cells = []
+        if others:
+            self.remarks.append(f"{others} sides of surface {name!r} are of no solid and are left out")
+        first = min([0, *(int(m.min(initial=0)) for m in members.values())]) - 1
+        facets = []
         for kind, parts in facets_of.items():
             table = np.concatenate(parts) if parts else np.zeros((0, 1), np.int64)
             if len(table):
                 ids = first - np.arange(len(table))
                 first -= len(table)
                 members[name] = np.union1d(members.get(name, np.zeros(0, np.int64)), ids)
-                cells.append(Cells(kind, table, ids))
-        return cells
+                facets.append(Cells(kind, table, ids))
+        return facets
 
     def mesh(self) -> MeshFile:
         """Number nodes and elements from 0 and turn surfaces into facets."""
         tags = np.array(self.tags, dtype=np.int64)
         tables = [(cell, np.array(rows, dtype=np.int64)) for cell, rows in self.blocks if rows]
         cells = [Cells(c.name, c.in_vtk_order(table[:, 1:], "abaqus"), table[:, 0]) for c, table in tables]
-        remarks = self.remarks.copy()
-        if self.others:
-            listed = ", ".join(f"{count} {kind}" for kind, count in sorted(self.others.items()))
-            remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
+        left_out, unread = (
+            {kind: np.array(numbers, dtype=np.int64) for kind, numbers in types.items()}
+            for types in (self.left_out, self.unread)
+        )
+        known = np.unique(
+            np.concatenate(
+                [np.zeros(0, np.int64), *(c.ids for c in cells), *left_out.values(), *unread.values()]
+            )
+        )
+        members = self.resolved("ELSET", known)
+        for name in self.surfaces:
+            cells += self.surface_cells(name, members, cells, known)
+        nodes = self.resolved("NSET", np.unique(tags))
+        mesh = checked_mesh(tags, np.array(self.points), cells, self.location)
+        mesh = grouped(mesh, members, nodes, left_out, unread)
+        remarks = [*self.remarks, *(f"{name}: {reason}" for name, reason in self.unsound.items())]
         if self.short:
             remarks.append(f"{self.short} nodes have fewer than three coordinates, the others are read as 0")
-        ids = np.sort(np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]))
-        known = {"ELSET": ids, "NSET": np.sort(tags)}
-        if not self.others:  # else sets may name elements that are left out
-            for name in self.sets["ELSET"]:
-                self.members("ELSET", name, known)
-        members = {name: self.members("ELSET", name, known, bool(self.others)) for name in self.sets["ELSET"]}
-        for name, sides in self.surfaces.items():
-            cells += self.surface_cells(sides, name, members, cells)
-        mesh = checked_mesh(tags, np.array(self.points), cells, self.location)
-        groups: Groups = {
-            name: [np.flatnonzero(np.isin(c.ids, member_ids)) for c in cells]
-            for name, member_ids in members.items()
-        }
-        order = np.argsort(tags)
-        node_sets = {
-            name: order[np.searchsorted(tags[order], self.members("NSET", name, known))]
-            for name in self.sets["NSET"]
-        }
-        return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*mesh.remarks, *remarks))
+        if self.holes:
+            listed = ", ".join(f"{name} {count}" for name, count in self.holes.items())
+            remarks.append(f"ranges of GENERATE hold numbers that are not given ({listed})")
+        if self.reduced:
+            listed = ", ".join(f"{count} {kind}" for kind, count in sorted(self.reduced.items()))
+            remarks.append(f"elements of reduced integration are integrated in full ({listed})")
+        return replace(mesh, remarks=(*mesh.remarks, *remarks), unsound=mesh.unsound | self.unsound)
 
 
 def read_abaqus(path: Path, location: str) -> MeshFile:
@@ -285,8 +305,7 @@ def read_abaqus(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for unsupported solids, nodes and elements that are generated, unknown members
-        of sets, and lines that are no numbers.
+        for nodes and elements that are generated, and lines that are no numbers.
     """
     deck, renumbered = _Deck(f"{location}: {path}"), []  # type: _Deck, list[str]
     try:

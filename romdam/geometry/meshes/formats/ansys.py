@@ -13,7 +13,6 @@ and SOLID187, whose prisms, pyramids and tetrahedra are hexahedra with nodes tha
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,21 +22,24 @@ import numpy as np
 from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.core.scene import Ints
-from romdam.geometry.cells import PLAIN, uncollapsed
+from romdam.geometry.cells import COLLAPSED, PLAIN, uncollapsed
 from romdam.geometry.meshes.data import (
     Cells,
     MeshFile,
-    by_number,
     by_value,
     cannot_be_read,
     checked_mesh,
+    grouped,
     missing_ids,
     numbers_of,
 )
 
-_SOLIDS = {5, 45, 64, 65, 69, 70, 87, 90, 92, 95, 185, 186, 187, 226, 227, 231, 232, 278, 279, 285}
+_SOLIDS = {  # routines of SOLID elements of three dimensions
+    5, 45, 46, 62, 64, 65, 69, 70, 72, 73, 87, 90, 92, 95, 96, 97, 98, 117, 122, 123, 147, 148, 164, 168, 185,
+    186, 187, 190, 191, 215, 216, 217, 225, 226, 227, 231, 232, 236, 237, 239, 240, 278, 279, 285, 291,
+}  # fmt: skip
 _SHELLS = {28, 41, 43, 63, 93, 131, 132, 152, 154, 157, 163, 181, 200, 281}
-_FORMAT = re.compile(r"\((\d+)i(\d+)(?:,(\d+)[eg](\d+)[.\d]*(?:e\d+)?)?\)", re.IGNORECASE)
+_FIELD = re.compile(r"(\d*)(?:(i)|[aeg])(\d+)(?:\.\d+)?(?:e\d+)?", re.IGNORECASE)  # of a Fortran format
 _HEAD = 11  # numbers before an element's nodes
 _MATERIAL, _TYPE, _COUNT, _NUMBER = 0, 1, 8, 10  # places of them
 
@@ -49,12 +51,13 @@ class _Content:
     lines: list[str]
     at: int = 0
     types: dict[int, int] = field(default_factory=dict)  # number -> routine, as 185 of SOLID185
+    current: int | None = None  # type of elements that do not say theirs
     tags: list[int] = field(default_factory=list)
     points: list[str] = field(default_factory=list)  # three words each
     rows: dict[tuple[int, int], list[list[int]]] = field(default_factory=dict)  # dim, nodes -> rows
     components: dict[str, dict[str, Ints]] = field(default_factory=lambda: {"NODE": {}, "ELEM": {}})
-    others: Counter[str] = field(default_factory=Counter)
-    left: set[int] = field(default_factory=set)  # numbers of elements that are left out
+    left_out: dict[str, list[int]] = field(default_factory=dict)  # type that no block is made of -> numbers
+    unread: dict[str, list[int]] = field(default_factory=dict)  # the same of what may be solids
     remarks: list[str] = field(default_factory=list)
 
     def line(self) -> str:
@@ -68,19 +71,21 @@ class _Content:
         """An error at the line read last."""
         return ValueError(f"line {self.at}: {text}")
 
-    def format(self) -> tuple[int, int, int]:
-        """Number of whole numbers in a line, their width and that of coordinates."""
+    def format(self) -> tuple[list[int], int]:
+        """Widths of the whole numbers in a line, and of what follows them."""
         line = self.line().strip()
-        match = _FORMAT.fullmatch(line.replace(" ", ""))
-        if match is None:
+        fields = [_FIELD.fullmatch(word) for word in line.replace(" ", "").strip("()").split(",")]
+        widths = [int(f[3]) for f in fields if f and f[2] for _ in range(int(f[1] or 1))]
+        if not all(fields) or not widths:
             raise self.error(f"{quote(line)} is no format such as (19i9)")
-        return int(match[1]), int(match[2]), int(match[4] or 0)
+        return widths, next((int(f[3]) for f in fields if f and not f[2]), 0)
 
-    def whole(self, text: str, width: int) -> list[int]:
-        """Whole numbers of columns of a width."""
-        words = [text[k : k + width].strip() for k in range(0, len(text.rstrip()), width)]
+    def whole(self, text: str, widths: list[int]) -> list[int]:
+        """Whole numbers of columns of these widths."""
+        ends = np.cumsum(widths).tolist()
+        words = [text[a:b].strip() for a, b in zip([0, *ends], ends, strict=False) if text[a:].strip()]
         if not all(re.fullmatch(r"[+-]?\d{1,18}", word) for word in words):
-            raise self.error(f"{quote(text.strip())} is not whole numbers of {width} columns")
+            raise self.error(f"{quote(text.strip())} is not whole numbers of {widths[0]} columns")
         return [int(word) for word in words]
 
     def refuse_other_count(self, name: str, said: int | None, count: int) -> None:
@@ -89,73 +94,78 @@ class _Content:
             raise self.error(f"{name} holds {count}, and says {said}: the file was cut")
 
     def read_type(self, words: list[str]) -> None:
-        """Read ET: number and routine of an element type."""
+        """Read ET: number and routine of an element type; those by names of parameters are not known."""
         digits = re.sub(r"^[A-Za-z]+", "", words[2]) if len(words) > 2 else ""
-        if not (digits.isdecimal() and words[1].isdecimal()):
-            raise self.error(f"{quote(','.join(words))} gives no element type by numbers")
-        self.types[int(words[1])] = int(digits)
+        if digits.isdecimal() and words[1].isdecimal():
+            self.types[int(words[1])] = int(digits)
 
     def read_types(self, words: list[str]) -> None:
         """Read ETBLOCK: numbers and routines of element types."""
-        _, width, _ = self.format()
-        while (row := self.whole(self.line(), width)) and row[0] != -1:
+        widths, _ = self.format()
+        while (row := self.whole(self.line(), widths)) and row[0] != -1:
             self.types[row[0]] = row[1] if len(row) > 1 else 0
+
+    def read_current(self, words: list[str]) -> None:
+        """Read TYPE: the type of elements that do not say theirs."""
+        self.current = self.types.get(int(words[1])) if words[1:] and words[1].isdecimal() else None
 
     def read_nodes(self, words: list[str]) -> None:
         """Read NBLOCK."""
-        head, width, wide = self.format()
-        first = len(self.tags)
+        widths, wide = self.format()
+        first, start = len(self.tags), sum(widths)
         while not (line := self.line()).lstrip().upper().startswith(("N,", "-1")):
-            start = head * width
             at = [line[k : k + wide].strip() for k in range(start, len(line.rstrip()), wide)] if wide else []
-            self.tags.append(self.whole(line[:start], width)[0] if line.strip() else 0)
+            self.tags.append(self.whole(line[:start], widths)[0] if line.strip() else 0)
             self.points += [word.upper().replace("D", "E") or "0" for word in (*at, "0", "0", "0")[:3]]
             if self.tags[-1] < 1:
                 raise self.error(f"{quote(line.strip())} is no node")
         self.refuse_other_count("NBLOCK", _said(words, 4), len(self.tags) - first)
 
     def read_elements(self, words: list[str]) -> None:
-        """Read EBLOCK."""
-        if len(words) < 3 or words[2].upper() != "SOLID":
-            raise self.error(f"{quote(','.join(words))} is not in the form SOLID; write it with CDWRITE, DB")
-        _, width, _ = self.format()
+        """Read EBLOCK; of a block without SOLID, whose elements do not say their type, only the numbers."""
+        solid = words[2:3] and words[2].upper() == "SOLID"
+        widths, _ = self.format()
         count = 0
-        while (row := self.whole(self.line(), width))[:1] != [-1]:
-            if len(row) < _HEAD:
+        while (row := self.whole(self.line(), widths))[:1] != [-1]:
+            if not row or (solid and len(row) < _HEAD):
                 raise self.error(f"an element of {len(row)} numbers, expected {_HEAD} and its nodes")
-            while len(row) < _HEAD + row[_COUNT]:
-                row += self.whole(self.line(), width) or [0]
-            self.add(row)
+            if solid:
+                while len(row) < _HEAD + row[_COUNT]:
+                    row += self.whole(self.line(), widths) or [0]
+                self.add(row)
+            else:
+                known = self.current is not None and self.current not in _SOLIDS
+                kind = f"of type {self.current}" if known else "in a block that is not in the form SOLID"
+                (self.left_out if known else self.unread).setdefault(kind, []).append(row[0])
             count += 1
         self.refuse_other_count("EBLOCK", _said(words, 4), count)
 
     def add(self, row: list[int]) -> None:
-        """Add a solid or a shell; others are counted only."""
+        """Add a solid or a shell; of others only the number."""
         routine, nodes = self.types.get(row[_TYPE]), row[_HEAD:]
-        if routine is None:
-            raise self.error(f"element {row[_NUMBER]} is of type {row[_TYPE]}, which ET does not give")
         dim = 3 if routine in _SOLIDS else 2 if routine in _SHELLS else 0
-        if (dim, len(nodes)) not in PLAIN:
-            self.others[f"of type {routine} with {len(nodes)} nodes"] += 1
-            self.left.add(row[_NUMBER])
-            return
-        if min(nodes) < 1:
-            raise self.error(
-                f"element {row[_NUMBER]} leaves out mid-edge nodes, which it has {len(nodes)} of"
-            )
-        self.rows.setdefault((dim, len(nodes)), []).append([row[_NUMBER], row[_MATERIAL], *nodes])
+        if routine is None:
+            self.unread.setdefault(f"of type {row[_TYPE]}, which ET does not give", []).append(row[_NUMBER])
+        elif (dim, len(nodes)) in PLAIN:
+            self.rows.setdefault((dim, len(nodes)), []).append([row[_NUMBER], row[_MATERIAL], *nodes])
+        else:
+            types = self.unread if dim == 3 else self.left_out
+            types.setdefault(f"of type {routine} with {len(nodes)} nodes", []).append(row[_NUMBER])
 
     def read_component(self, words: list[str]) -> None:
         """Read CMBLOCK; a negative number ends a range that the one before it begins."""
         name, kind, said = ([*words, "", "", ""])[1], "".join(words[2:3]).upper()[:4], _said(words, 3)
-        _, width, _ = self.format()
-        if kind not in self.components or said is None:
-            raise self.error(f"{quote(','.join(words))} is no component of nodes or elements")
+        widths, _ = self.format()
+        if said is None:
+            raise self.error(f"{quote(','.join(words))} does not say how many items it has")
         items: list[int] = []
         while len(items) < said:
-            items += self.whole(self.line(), width) or [0]
+            items += self.whole(self.line(), widths) or [0]
         if len(items) != said or 0 in items:
             raise self.error(f"component {name} does not hold the {said} numbers that it says")
+        if kind not in self.components:
+            self.remarks.append(f"component {name} of {kind or 'nothing'} is left out")
+            return
         ranges = [np.arange(items[k - 1] + 1, -n + 1) for k, n in enumerate(items) if n < 0 and k]
         self.components[kind][name] = np.unique(
             np.concatenate([np.array([n for n in items if n > 0]), *ranges])
@@ -176,7 +186,7 @@ def read_ansys(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for blocks that end early, elements without some of their nodes, and components of what is not given.
+        for blocks that end early or hold other numbers of items than they say.
     """
     location, content = f"{location}: {path}", _Content(file_text(path).split("\n"))
     try:
@@ -189,28 +199,43 @@ def read_ansys(path: Path, location: str) -> MeshFile:
         for (dim, _), rows in content.rows.items():
             table = np.array(rows, dtype=np.int64)
             # hexahedra and quadrilaterals with nodes that stand twice as what they are
-            for kind, cell_rows, nodes in uncollapsed(table[:, 2:], dim):
+            nodes_of = _collapsed(table[:, 2:], dim)
+            for kind, cell_rows, nodes in uncollapsed(nodes_of, dim):
                 cells.append(Cells(kind, nodes, table[cell_rows, 0]))
                 materials.append(table[cell_rows, 1])
         mesh = checked_mesh(np.array(content.tags, dtype=np.int64), points, cells, location)
-        elements = {
-            n: members[~np.isin(members, list(content.left))]
-            for n, members in content.components["ELEM"].items()
-        }
-        groups, node_sets = by_number(mesh, elements, content.components["NODE"])
     except ValueError as error:
         raise cannot_be_read(location, "ANSYS", str(error)) from None
+    left_out, unread = (
+        {kind: np.array(numbers, dtype=np.int64) for kind, numbers in types.items()}
+        for types in (content.left_out, content.unread)
+    )
+    mesh = grouped(mesh, content.components["ELEM"], content.components["NODE"], left_out, unread)
+    groups = mesh.groups
     solids = any(
         len(m) for members in groups.values() for m, c in zip(members, cells, strict=True) if c.dim == 3
     )
     groups = groups if solids else by_value(materials) | groups
     remarks = [*mesh.remarks, *content.remarks]
-    if content.others:
-        listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
-        remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
-    if not content.left:
+    if not left_out:
         remarks += missing_ids(cells)
-    return replace(mesh, groups=groups, node_sets=node_sets, remarks=tuple(remarks))
+    return replace(mesh, groups=groups, remarks=tuple(remarks))
+
+
+def _collapsed(table: Ints, dim: int) -> Ints:
+    """Elements (n, nodes) whose mid-edge nodes follow from corners that stand twice.
+
+    ANSYS uses none of the mid-edge nodes of an edge or face without extent; they may be 0.
+    """
+    kinds = COLLAPSED.get((dim, table.shape[1]), {})
+    corners = {20: 8, 8: 4}.get(table.shape[1], 0) if len(kinds) and (dim, table.shape[1]) != (3, 8) else 0
+    table, left = table.copy(), np.ones(len(table), dtype=bool)
+    for frame in kinds.values() if corners else ():
+        whole = table[:, np.unique(frame, return_index=True)[1]][:, list(frame)]
+        rows = left & (whole[:, :corners] == table[:, :corners]).all(axis=1)
+        table[rows] = whole[rows]
+        left &= ~rows
+    return table
 
 
 def _said(words: list[str], k: int) -> int | None:
@@ -223,8 +248,7 @@ _READ: dict[str, Callable[[_Content, list[str]], None]] = {
     "NBLOCK": _Content.read_nodes,
     "EBLOCK": _Content.read_elements,
     "CMBLOCK": _Content.read_component,
+    "TYPE": _Content.read_current,
     "/UNITS": _Content.read_units,
-    **dict.fromkeys(
-        ("NGEN", "EGEN", "NROTAT", "NSYM", "ESYM", "VMESH", "NTRAN", "CPINTF"), _Content.refuse_moved
-    ),
+    **dict.fromkeys(("NGEN", "EGEN", "NSYM", "ESYM", "VMESH", "NTRAN"), _Content.refuse_moved),
 }

@@ -24,16 +24,16 @@ from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
     Cells,
     MeshFile,
-    by_number,
     cannot_be_read,
     checked_mesh,
+    grouped,
     numbers_of,
 )
 
 _CELLS = {cell.aster: cell for cell in CELLS.values() if cell.aster}
-_ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)\d+")
-_HEADER = re.compile(r"(\w+)\s*=\s*(\S+)")
-_SECTIONS = ("TITRE", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO", "FIN")
+_ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)(\d+)")  # and its number of nodes
+_HEADER = re.compile(r"(\w+)\s*=\s*((?!\w+\s*=)\S*)")
+_SECTIONS = ("TITRE", "COOR_1D", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO")
 
 
 @dataclass
@@ -80,7 +80,7 @@ def read_aster(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for sections without FINSF, files without FIN, unknown elements, and members that are not given.
+        for sections without FINSF, files without FIN, elements that are no names of nodes.
     """
     location = f"{location}: {path}"
     try:
@@ -100,33 +100,52 @@ def read_aster(path: Path, location: str) -> MeshFile:
         words = [word.upper().replace("D", "E") for word in numbers]
         points = numbers_of(words, "COOR_3D").reshape(-1, 3)
         cells: list[Cells] = []
+        left_out: dict[str, Ints] = {}
         for section in sections:
-            if _ELEMENT.fullmatch(section.keyword):
-                cells += _cells(section, nodes, elements)
+            if match := _ELEMENT.fullmatch(section.keyword):
+                what, size = f"{section.keyword} of line {section.where}", int(match[1])
+                rows = [section.words[k : k + 1 + size] for k in range(0, len(section.words), 1 + size)]
+                if rows and len(rows[-1]) != 1 + size:
+                    raise ValueError(f"{what} ends amid element {quote(rows[-1][0])}, of {size} nodes")
+                ids = np.array([elements.new(row[0], "element") for row in rows], dtype=np.int64)
+                if (cell := _CELLS.get(section.keyword)) is None:
+                    left_out[section.keyword] = np.union1d(left_out.get(section.keyword, ids), ids)
+                elif rows:
+                    table = nodes.of([name for row in rows for name in row[1:]], what).reshape(len(rows), -1)
+                    cells.append(Cells(cell.name, cell.in_vtk_order(table, "aster"), ids))
         mesh = checked_mesh(np.array(list(nodes.numbers.values()), dtype=np.int64), points, cells, location)
-        groups, node_sets = by_number(
-            mesh, _members(sections, "GROUP_MA", elements), _members(sections, "GROUP_NO", nodes)
+        unsound: dict[str, str] = {}
+        elements_of, nodes_of = (
+            _members(sections, keyword, names, unsound)
+            for keyword, names in (("GROUP_MA", elements), ("GROUP_NO", nodes))
         )
     except ValueError as error:
         raise cannot_be_read(location, ".mail", str(error)) from None
-    return replace(mesh, groups=groups, node_sets=node_sets)
+    mesh = grouped(mesh, elements_of, nodes_of, left_out)
+    remarks = [f"group {name!r}: {reason}; no key may name it" for name, reason in unsound.items()]
+    return replace(mesh, remarks=(*mesh.remarks, *remarks), unsound=unsound)
 
 
 def _sections(lines: list[str]) -> Iterator[_Section]:
+    """Sections of a file; FIN ends the last one too, and a second FINSF is nothing."""
     section: _Section | None = None
     for k, line in enumerate(lines):
         text = line.partition("%")[0].strip()
-        if not text:
+        keyword, _, rest = text.replace("\t", " ").partition(" ")
+        keyword = keyword.upper()
+        if not text or (section is None and keyword == "FINSF"):
             continue
+        if keyword == "FIN":
+            if section is not None:
+                yield section
+            return
         if section is None:
-            keyword, _, rest = text.replace("\t", " ").partition(" ")
-            keyword = keyword.upper()
-            if keyword == "FIN":
-                return
             if keyword not in _SECTIONS and not _ELEMENT.fullmatch(keyword):
                 raise ValueError(f"line {k + 1}: {quote(keyword)} is no section of the format")
             section = _Section(k + 1, keyword, "", [])
             text = rest
+        elif keyword in _SECTIONS and section.keyword != "TITRE":
+            raise ValueError(f"{section.keyword} of line {section.where} has no FINSF: the file was cut")
         if section.keyword == "TITRE":
             ended = "FINSF" in text.upper().split()
         else:
@@ -138,33 +157,24 @@ def _sections(lines: list[str]) -> Iterator[_Section]:
         if ended:
             yield section
             section = None
-    where = (
-        f"{section.keyword} of line {section.where} has no FINSF" if section else "it does not end with FIN"
-    )
-    raise ValueError(f"{where}: the file was cut")
+    raise ValueError("it does not end with FIN: the file was cut")
 
 
-def _cells(section: _Section, nodes: _Names, elements: _Names) -> Iterator[Cells]:
-    what = f"{section.keyword} of line {section.where}"
-    if section.keyword not in _CELLS:
-        raise ValueError(f"{what} is no element that is known")
-    cell = _CELLS[section.keyword]
-    rows = [section.words[k : k + 1 + cell.nodes] for k in range(0, len(section.words), 1 + cell.nodes)]
-    if rows and len(rows[-1]) != 1 + cell.nodes:
-        raise ValueError(f"{what} ends amid element {quote(rows[-1][0])}, of {cell.nodes} nodes")
-    if rows:
-        ids = np.array([elements.new(row[0], "element") for row in rows], dtype=np.int64)
-        table = nodes.of([name for row in rows for name in row[1:]], what).reshape(len(rows), -1)
-        yield Cells(cell.name, cell.in_vtk_order(table, "aster"), ids)
-
-
-def _members(sections: list[_Section], keyword: str, names: _Names) -> dict[str, Ints]:
+def _members(
+    sections: list[_Section], keyword: str, names: _Names, unsound: dict[str, str]
+) -> dict[str, Ints]:
+    """Members of groups by number; `unsound` gains the groups that name what is not given."""
     members_of: dict[str, Ints] = {}
     for section in sections:
         if section.keyword == keyword:
             words = section.words if section.name else section.words[1:]
             name = section.name or (section.words or [""])[0]
+            lost = [word for word in words if word not in names.numbers]
             if name in members_of:
-                raise ValueError(f"{keyword} {quote(name)} is given twice")
-            members_of[name] = names.of(words, f"{keyword} {name}")
+                unsound[name] = f"{keyword} is given twice"
+            elif lost:
+                unsound[name] = (
+                    f"{keyword} names {quote(lost[0])}, which is not given ({len(lost)} such names)"
+                )
+            members_of[name] = names.of([word for word in words if word in names.numbers], keyword)
     return members_of

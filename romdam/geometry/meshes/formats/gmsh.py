@@ -1,4 +1,4 @@
-"""Gmsh's .msh, versions 2.2 and 4.1, as text and binary.
+"""Gmsh's .msh, versions 2.2, 4.0 and 4.1, as text and binary.
 
 Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
 is not given, what numbers there are for a count that is larger, and the first physical group of several.
@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +20,16 @@ from romdam.core.errors import quote
 from romdam.core.scene import Floats, Ints
 from romdam.geometry.elements import CELLS
 from romdam.geometry.facets import row_numbers
-from romdam.geometry.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.geometry.meshes.data import EVERYTHING, Cells, Groups, MeshFile, cannot_be_read, checked_mesh
 from romdam.geometry.meshes.formats.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
 
 _TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
+# Nodes of Gmsh's other types, which no block is made of (GmshDefines.h): of high order, and incomplete ones.
+_SIZES = {
+    13: 18, 14: 14, 20: 9, 21: 10, 22: 12, 23: 15, 24: 15, 25: 21, 26: 4, 27: 5, 28: 6, 29: 20, 30: 35,
+    31: 56, 36: 16, 37: 25, 38: 36, 39: 12, 40: 16, 41: 20, 42: 28, 43: 36, 90: 40, 91: 75, 92: 64, 93: 125,
+    118: 30, 119: 55,
+}  # fmt: skip
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
@@ -36,15 +44,16 @@ class _Content:
     entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups
     origin: list[Ints] = field(default_factory=list)  # of every one of `cells` (2.2): entity and group
     names: dict[tuple[int, int], str] = field(default_factory=dict)  # (dim, group) -> name
+    left_out: Counter[int] = field(default_factory=Counter)  # type -> elements that no block is made of
     seen: set[str] = field(default_factory=set)
 
-    def read_entities(self, stream: Numbers) -> None:
-        """Read $Entities: the groups of every entity."""
+    def read_entities(self, stream: Numbers, of_point: int = 3) -> None:
+        """Read $Entities: the groups of every entity; points have so many numbers of their position."""
         self.entities = {}
         for dim, count in enumerate(counts(stream, 4, "size")):
             for _ in range(count):
                 (tag,) = counts(stream, 1)
-                stream.floats(6 if dim else 3)
+                stream.floats(6 if dim else of_point)
                 groups = [abs(g) for g in counts(stream, counts(stream, 1, "size")[0])]
                 if dim:
                     stream.ints(counts(stream, 1, "size")[0], "int")
@@ -63,34 +72,49 @@ class _Content:
             self.points.append(stream.floats(count * width).reshape(count, width)[:, :3])
         _compare(sum(map(len, self.tags)), total, "Nodes")
 
-    def read_elements_41(self, stream: Numbers) -> None:
-        """Read $Elements of version 4.1."""
-        blocks, total, *_ = counts(stream, 4, "size")
+    def read_nodes_40(self, stream: Numbers) -> None:
+        """Read $Nodes of version 4.0, where every node's number stands before its coordinates."""
+        blocks, total = counts(stream, 2, "size")
+        for _ in range(blocks):
+            _, dim, parametric = counts(stream, 3)
+            (count,) = counts(stream, 1, "size")
+            self.add_nodes(stream, count, 3 + (dim if parametric else 0))
+        _compare(sum(map(len, self.tags)), total, "Nodes")
+
+    def read_elements_41(self, stream: Numbers, tag_first: bool = False) -> None:
+        """Read $Elements of version 4.1, or of 4.0, where the entity's tag stands before its dimension."""
+        blocks, total, *_ = counts(stream, 2 if tag_first else 4, "size")
+        done = 0
         for _ in range(blocks):
             dim, tag, kind = counts(stream, 3)
+            dim, tag = (tag, dim) if tag_first else (dim, tag)
             (count,) = counts(stream, 1, "size")
             size = _size(kind)
-            rows = stream.ints(count * (1 + size), "size").reshape(count, 1 + size)
+            number = "int" if tag_first else "size"
+            rows = stream.ints(count * (1 + size), number).reshape(count, 1 + size)
             if self.entities is not None and (dim, tag) not in self.entities:
                 raise ValueError(f"$Elements are of entity {tag} of dimension {dim}, which is not given")
             groups = (self.entities or {}).get((dim, tag), [])
             self.add(kind, rows[:, 0], rows[:, 1:], {g: np.arange(count) for g in groups})
-            if self.cells[-1].dim != dim:
+            if kind in _TYPES and _TYPES[kind].dim != dim:
                 raise ValueError(f"$Elements of type {kind} are of an entity of dimension {dim}")
-        _compare(sum(len(c.ids) for c in self.cells), total, "Elements")
+            done += count
+        _compare(done, total, "Elements")
+
+    def add_nodes(self, stream: Numbers, count: int, width: int = 3) -> None:
+        """Add nodes: number, then coordinates and perhaps parameters, `width` numbers."""
+        if isinstance(stream, Bytes):
+            raw = stream.records(count, [("tag", "int", 1), ("x", "float", width)])
+            self.tags.append(raw["tag"].astype(np.int64).reshape(count))
+            self.points.append(raw["x"].astype(float)[:, :3])
+            return
+        rows = stream.floats((1 + width) * count).reshape(count, 1 + width)
+        self.tags.append(whole(rows[:, 0], "Nodes"))
+        self.points.append(rows[:, 1:4])
 
     def read_nodes_22(self, stream: Numbers) -> None:
         """Read $Nodes of version 2.2."""
-        if isinstance(stream, Bytes):
-            count = stream.count_line()
-            raw = stream.records(count, [("tag", "int", 1), ("x", "float", 3)])
-            self.tags.append(raw["tag"].astype(np.int64).reshape(count))
-            self.points.append(raw["x"].astype(float))
-            return
-        (count,) = counts(stream, 1)
-        rows = stream.floats(4 * count).reshape(count, 4)
-        self.tags.append(whole(rows[:, 0], "Nodes"))
-        self.points.append(rows[:, 1:])
+        self.add_nodes(stream, stream.count_line() if isinstance(stream, Bytes) else counts(stream, 1)[0])
 
     def read_elements_22(self, stream: Numbers) -> None:
         """Read $Elements of version 2.2."""
@@ -136,8 +160,9 @@ class _Content:
         group = np.abs(rows[:, 1]) if tags else nothing
         groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
         self.add(kind, rows[:, 0], rows[:, 1 + tags :], groups)
-        same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(self.cells) << 40)
-        self.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
+        if kind in _TYPES:
+            same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(self.cells) << 40)
+            self.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
 
     def refuse_mixed_entities(self) -> None:
         """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
@@ -159,7 +184,9 @@ class _Content:
 
     def add(self, kind: int, ids: Ints, nodes: Ints, groups: dict[int, Ints]) -> None:
         """Add elements of a kind, with the rows of every group."""
-        cell = _TYPES[kind]
+        if (cell := _TYPES.get(kind)) is None:
+            self.left_out[kind] += len(ids)
+            return
         self.cells.append(Cells(cell.name, cell.in_vtk_order(nodes, "gmsh"), ids))
         self.physical.append(groups)
 
@@ -243,11 +270,11 @@ def _layout(body: bytes) -> tuple[float, Layout | None]:
         version, binary, size = float(words[0]), int(words[1]), int(words[2])
     except (ValueError, IndexError):
         raise ValueError("$MeshFormat does not give version, type and size") from None
-    if not (2.0 <= version <= 2.2 or version == 4.1) or binary not in (0, 1) or size not in (4, 8):
+    if not (2.0 <= version <= 2.2 or version in (4.0, 4.1)) or binary not in (0, 1) or size not in (4, 8):
         raise ValueError(
-            f"version {version:g}, type {binary}, size {size}; versions 2.2 and 4.1 are read: {_EXPORT}"
+            f"version {version:g}, type {binary}, size {size}; versions 2.2, 4.0 and 4.1 are read: {_EXPORT}"
         )
-    version = 4.1 if version > 4.0 else 2.2
+    version = version if version >= 4.0 else 2.2
     if not binary:
         return version, None
     mark = body.partition(b"\n")[2][:4]
@@ -272,9 +299,9 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
 
 
 def _size(kind: int) -> int:
-    if kind not in _TYPES:
+    if kind not in _TYPES and kind not in _SIZES:
         raise ValueError(f"element type {kind} is not known")
-    return _TYPES[kind].nodes
+    return _TYPES[kind].nodes if kind in _TYPES else _SIZES[kind]
 
 
 def _compare(count: int, said: int, name: str) -> None:
@@ -283,6 +310,9 @@ def _compare(count: int, said: int, name: str) -> None:
 
 
 _READERS: dict[tuple[str, float], Callable[[_Content, Numbers], None]] = {
+    ("Entities", 4.0): partial(_Content.read_entities, of_point=6),
+    ("Nodes", 4.0): _Content.read_nodes_40,
+    ("Elements", 4.0): partial(_Content.read_elements_41, tag_first=True),
     ("Entities", 4.1): _Content.read_entities,
     ("Nodes", 4.1): _Content.read_nodes_41,
     ("Elements", 4.1): _Content.read_elements_41,
@@ -295,15 +325,12 @@ def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
     """The physical groups of faces and solids by name; one name may stand for a group of each dimension."""
     present = {(c.dim, g) for c, groups in zip(mesh.cells, content.physical, strict=True) for g in groups}
     empty = [name for key, name in content.names.items() if key[0] in (2, 3) and key not in present]
-    if empty and not present:
-        mesh = replace(
-            mesh, remarks=(*mesh.remarks, f"group {empty[0]!r} is named, and no element is in a group")
-        )
-    elif empty:
-        raise ValueError(
-            f"$PhysicalNames names group {empty[0]!r}, which holds no elements ({len(empty)} such groups); "
-            "the group has lost its elements, or its line is to be removed"
-        )
+    remarks = list(mesh.remarks)
+    if empty:
+        remarks.append(f"group {empty[0]!r} is named and holds no elements ({len(empty)} such groups)")
+    if content.left_out:
+        listed = ", ".join(f"{count} of type {kind}" for kind, count in sorted(content.left_out.items()))
+        remarks.append(f"elements that no block is made of are left out ({listed})")
     groups: Groups = {}
     numbers: dict[str, str] = {}
     for dim, number in sorted(present, key=lambda key: (key[1], key[0])):
@@ -321,4 +348,5 @@ def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
         )
         if dim == 3:
             numbers[str(number)] = name
-    return replace(mesh, groups=groups, numbers=numbers)
+    left_out = {EVERYTHING: listed} if content.left_out else {}
+    return replace(mesh, groups=groups, numbers=numbers, remarks=tuple(remarks), left_out=left_out)

@@ -20,7 +20,7 @@ from romdam.core.errors import ResultError, quote
 from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
 from romdam.geometry.elements import CELLS
-from romdam.geometry.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh, turned
+from romdam.geometry.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
 
 if TYPE_CHECKING:
     import h5py
@@ -59,7 +59,6 @@ def read_med(path: Path, location: str) -> MeshFile:
         raise cannot_be_read(location, "MED", str(error)) from None
     tags = np.arange(1, len(content.points) + 1)
     checked = checked_mesh(tags, content.points, content.cells, location)
-    checked = turned(checked, [cell.name for cell in _TYPES.values()])
     return replace(
         checked,
         groups=groups,

@@ -21,6 +21,7 @@ from romdam.core.files import check_file, file_text
 from romdam.core.scene import Floats
 from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
+    EVERYTHING,
     LARGEST,
     Cells,
     MeshFile,
@@ -38,11 +39,16 @@ _KINDS = {  # entry -> number of nodes -> what it holds
 _SHELL_NODES = {name: nodes for name, sizes in _KINDS.items() for nodes in sizes if sizes[nodes].dim == 2}
 _SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
 _READ = ("GRID", "GRDSET", "ENDDATA", "INCLUDE", *_KINDS, *_SYSTEMS)
-_ALIKE = {  # entries of Nastran that only look like one that is read
-    "GRIDB", "GRIDF", "GRIDS", "CQUAD", "CQUADX", "CQUADX4", "CQUADX8", "CTRIAX", "CTRIAX6", "CTRIAX3",
-    "CORD1R", "CORD1C", "CORD1S", "CORD3G", "CORD3R", "CQUAD1", "CQUAD2", "CTRIA1", "CTRIA2",
+# The entries of Nastran (432 in pyNastran 1.4, and those of the Quick Reference Guide) whose names are near
+# to one that is read.
+_ALIKE = {
+    "AEGRID", "AEQUAD4", "AETRIA3", "BCGRID", "CHEXA1", "CHEXA2", "CIFPENT", "CIFQUAD", "CORD1C", "CORD1R",
+    "CORD1S", "CORD3G", "CORD3R", "CQUAD", "CQUAD1", "CQUAD2", "CQUADX", "CQUADX4", "CQUADX8", "CTRAX3",
+    "CTRAX6", "CTRIA1", "CTRIA2", "CTRIAX", "CTRIAX3", "CTRIAX6", "DVGRID", "GRAVSET", "GRIDA", "GRIDB",
+    "GRIDF", "GRIDS", "OGRDSET", "PFGRID", "RADSET",
 }  # fmt: skip
 _ELEMENT = re.compile(r"C(?!ORD|ONV)[A-Z0-9]+|RBE?\w+|PLOTEL")
+_INCLUDE = re.compile(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", re.IGNORECASE)
 _REAL = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]([+-]?\d+)|([+-]\d+))?$")
 
 
@@ -108,14 +114,14 @@ class _Deck:
     systems: dict[int, tuple[str, int, Floats]] = field(default_factory=dict)  # kind, reference, A B C
     rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
     others: Counter[str] = field(default_factory=Counter)  # elements that are not read
+    unread: dict[tuple[int, int], str] = field(default_factory=dict)  # dimension, property -> what is wrong
     blank: int = 0  # grid points with a blank coordinate
-    ended: str = ""  # where ENDDATA stands
+    ended: bool = False
+    after: int = 0  # lines after ENDDATA
 
     def read(self, entry: _Entry) -> None:
         """Read one entry."""
         name = entry.name
-        if self.ended:
-            raise ValueError(f"{entry.where}: {name} stands after ENDDATA of {self.ended}")
         if name == "GRID":
             self.read_grid(entry)
         elif name in _KINDS:
@@ -128,7 +134,7 @@ class _Deck:
                 raise ValueError(f"{entry.where}: coordinate system {entry.whole(1)} is given twice")
             self.systems[entry.whole(1)] = (name, entry.whole(2, 0), corners)
         elif name == "ENDDATA":
-            self.ended = entry.where
+            self.ended = True
         elif meant := _meant(name):
             raise ValueError(f"{entry.where}: {name} is not known; is {meant} meant?")
         elif _ELEMENT.fullmatch(name):
@@ -136,13 +142,14 @@ class _Deck:
 
     def read_grid(self, entry: _Entry) -> None:
         """Read GRID."""
-        if not 5 <= len(entry.fields) <= 8 or entry.given < 3:
-            what = "has lines of another entry" if len(entry.fields) > 8 else "lacks coordinates"
+        cut = len(entry.fields) == 4 and entry.marker
+        if cut or len(entry.fields) > 8:
+            what = "lacks its continuation line" if cut else "has lines of another entry"
             raise ValueError(f"{entry.where}: GRID {entry.fields[0]} {what}")
         self.tags.append(entry.whole(1))
         self.points.append((entry.real(3), entry.real(4), entry.real(5)))
-        self.system.append(entry.whole(2) if entry.fields[1] else None)
-        self.blank += not all(entry.fields[2:5])
+        self.system.append(entry.whole(2) if entry.fields[1:2] > [""] else None)
+        self.blank += not all(entry.fields[2:5]) or len(entry.fields) < 5
 
     def read_element(self, entry: _Entry) -> None:
         """Read a solid or a shell."""
@@ -151,13 +158,15 @@ class _Deck:
         last = 2 + shell if shell else entry.given
         count = last - 2
         more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
-        if count not in sizes or entry.given < last or more:
-            fields_given = max(entry.given - 2, 0)
-            raise ValueError(
-                f"{entry.where}: {entry.name} {entry.fields[0]} has {fields_given} nodes, expected "
-                f"{' or '.join(map(str, sizes))}; a continuation line is missing or another's, or mid-edge "
-                "nodes are left out"
+        if count not in sizes or entry.given < last or more or not all(entry.fields[:last]):
+            dim = next(iter(sizes.values())).dim
+            self.unread.setdefault(
+                (dim, entry.whole(2, 0)),
+                f"{entry.where}: {entry.name} {entry.fields[0]} has "
+                f"{sum(map(bool, entry.fields[2:]))} nodes, expected {' or '.join(map(str, sizes))}; a "
+                "continuation line is missing or another's, or mid-edge nodes are left out",
             )
+            return
         row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
         self.rows.setdefault(sizes[count].name, []).append(row)
 
@@ -204,13 +213,16 @@ def read_nastran(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for lines that are no entries, entries cut off, an end without ENDDATA, files that include each other.
+        for lines that are no entries, an end without ENDDATA, files that include each other.
     """
     location = f"{location}: {path}"
     deck = _Deck()
     try:
         for entry in _entries(_lines(path, (), location)):
-            deck.read(entry)
+            if deck.ended:
+                deck.after += 1
+            else:
+                deck.read(entry)
         if not deck.ended:
             raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
         points = deck.in_basic()
@@ -230,7 +242,19 @@ def read_nastran(path: Path, location: str) -> MeshFile:
         remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
     if deck.blank:
         remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
-    return replace(mesh, groups=groups, remarks=(*remarks, *missing_ids(cells)))
+    if deck.after:
+        remarks.append(f"{deck.after} entries after ENDDATA are left out")
+    remarks += deck.unread.values()
+    unsound = {
+        label: what for (dim, p), what in deck.unread.items() if dim == 3 for label in (EVERYTHING, str(p))
+    }
+    return replace(
+        mesh,
+        groups=groups,
+        remarks=(*remarks, *missing_ids(cells)),
+        unsound=unsound,
+        unsound_faces={str(p): what for (dim, p), what in deck.unread.items() if dim == 2},
+    )
 
 
 def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line]:
@@ -241,17 +265,21 @@ def _lines(path: Path, above: tuple[Path, ...], location: str) -> Iterator[_Line
         what = "includes itself" if here in above else f"is included {_DEEPEST} files deep, the limit"
         raise ValueError(f"{path} {what}")
     lines = file_text(path).split("\n")
+    resume = 0
     begin = next((k for k, line in enumerate(lines) if line.strip().upper().startswith("BEGIN")), -1)
     for k, line in enumerate(lines):
         text = line.partition("$")[0].expandtabs(8).rstrip()
         where = f"line {k + 1}" if not above else f"{path.name} line {k + 1}"
-        if not text or k == begin:
+        if not text or k == begin or k < resume:
             continue
         if text.lstrip()[:7].upper() == "INCLUDE":
-            pattern = r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*"""
-            match = re.fullmatch(pattern, text, re.IGNORECASE)
+            resume = k + 1
+            while text[-1] not in "'\"" and re.search("['\"]", text) and resume < len(lines):
+                text += lines[resume].strip()  # a name may go on in the next line, up to its closing quote
+                resume += 1
+            match = _INCLUDE.fullmatch(text)
             if match is None:
-                raise ValueError(f"{where}: {quote(text)} names no file on one line between quotes")
+                raise ValueError(f"{where}: {quote(text)} names no file between quotes")
             included = path.parent / next(group for group in match.groups() if group)
             if not included.is_file():
                 raise ValueError(f"{where}: the included file {included} does not exist")
@@ -269,15 +297,15 @@ def _fields(text: str, where: str) -> _Line:
     wide = words[0].endswith("*") or words[0].startswith("*")
     count, width = (4, 16) if wide else (8, 8)
     if free:
-        if len(words) > 2 + count:
+        if any(words[2 + count :]):
             raise ValueError(f"{where}: {quote(text)} has {len(words)} fields, limit {2 + count}")
         words += [""] * (2 + count - len(words))
     else:
         words += [text[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)] + [
             text[72:80].strip()
         ]
-    name = words[0] if words[0].startswith(("*", "+")) else words[0].rstrip("*_").upper()  # meshio: CHEXA_
-    return _Line(where, name, words[1 : 1 + count], words[-1])
+    name = words[0] if words[0].startswith(("*", "+")) else words[0].rstrip("*_ ").upper()  # meshio: CHEXA_
+    return _Line(where, name, words[1 : 1 + count], words[1 + count])
 
 
 def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
@@ -285,16 +313,14 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
     entry: _Entry | None = None
     for line in lines:
         if line.name and line.name[0] not in "+*":
-            if not (line.name.isalnum() and line.name.isascii() and line.name[0].isalpha()):
-                raise ValueError(f"{line.where}: {quote(line.name)} is no name of an entry")
             if entry is not None:
                 yield entry
             entry = _Entry(line.where, line.name, list(line.fields), line.marker)
             continue
         if entry is None:
             raise ValueError(f"{line.where} continues nothing")
-        marker, awaited = line.name[1:].lstrip(), entry.marker.lstrip("+*").lstrip()
-        if marker and marker != awaited:
+        marker, awaited = line.name[1:].lstrip(), entry.marker[1:].lstrip()  # whatever its first column
+        if marker and marker != awaited and entry.name in _READ:
             raise ValueError(
                 f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
                 f"{entry.where} is awaited; write continuation lines below their entries"

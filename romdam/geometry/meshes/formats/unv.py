@@ -1,12 +1,11 @@
 """I-deas universal files (.unv): nodes, elements, groups, as SALOME, Gmsh, I-deas and Femap write them.
 
-No library reads them with their groups. Datasets 2411, 781 and 15 are nodes, 2412 elements, 2417 to 2477
-permanent groups, 164 units; others are left out.
+No library reads them with their groups. `_READ` has the datasets; others are left out.
 
 References
 ----------
-SDRC, Universal file datasets 15, 164, 781, 2411, 2412, 2467, 2477. Quadratic elements are numbered ring after
-ring, corners and middles in turn (`Cell.orders` has what Gmsh 4.15 writes).
+SDRC, Universal file datasets 15, 164, 752, 780, 781, 2411, 2412, 2417 to 2477. Quadratic elements are
+numbered ring after ring, corners and middles in turn (`Cell.orders` has what Gmsh 4.15 writes).
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,10 +25,10 @@ from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
     Cells,
     MeshFile,
-    by_number,
     by_value,
     cannot_be_read,
     checked_mesh,
+    grouped,
     missing_ids,
     numbers_of,
 )
@@ -36,7 +36,6 @@ from romdam.geometry.meshes.data import (
 _CELLS = {number: cell for cell in CELLS.values() for number in cell.unv}
 _BEAMS = {11, 21, 22, 23, 24}  # whose nodes have a line of orientation before them
 _NODE, _ELEMENT = 7, 8  # codes of what a group has
-_OLD_ELEMENTS = {"71", "780"}
 
 
 class _Line(NamedTuple):
@@ -67,7 +66,8 @@ class _Content:
     points: list[str] = field(default_factory=list)  # three words each
     rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
     groups: dict[str, dict[int, list[int]]] = field(default_factory=dict)  # name -> code -> numbers
-    others: Counter[str] = field(default_factory=Counter)  # what is left out
+    left_out: dict[str, list[int]] = field(default_factory=dict)  # type that no block is made of -> numbers
+    others: Counter[str] = field(default_factory=Counter)  # what else is left out
     metre: float = 1.0  # of the file's lengths
 
     def read_nodes(self, lines: Lines) -> None:
@@ -91,11 +91,12 @@ class _Content:
         self.tags.append(head[0])
         self.points += [word.upper().replace("D", "E") for word in words]
 
-    def read_elements(self, lines: Lines) -> None:
-        """Read a dataset of elements."""
+    def read_elements(self, lines: Lines, words: int) -> None:
+        """Read a dataset of elements, whose heads have so many numbers; the last is that of nodes."""
         k = 0
         while k < len(lines):
-            number, kind, prop, _, _, count = lines[k].whole(6)[:6]
+            head = lines[k].whole(words)
+            number, kind, prop, count = head[0], head[1], head[_PROPERTY[words]], head[words - 1]
             skipped = 2 if kind in _BEAMS else 1
             taken = _record(lines, k + skipped, -(-max(count, 1) // 8))
             nodes = [node for line in taken for node in line.whole(1)]
@@ -105,16 +106,20 @@ class _Content:
                 )
             cell = _CELLS.get(kind)
             if cell is None or cell.nodes != count:
-                self.others[f"elements of type {kind} with {count} nodes"] += 1
+                self.left_out.setdefault(f"of type {kind} with {count} nodes", []).append(number)
             else:
                 self.rows.setdefault(cell.name, []).append([number, prop, *nodes])
             k += skipped + len(taken)
 
     def read_groups(self, lines: Lines, width: int) -> None:
-        """Groups; each entity has its code and number, and in the newer form two words more."""
+        """Groups; each entity has its code and number, and in the newer form two words more.
+
+        The head ends with the number of entities; how many sets of loads and supports stand before it differs
+        between writers.
+        """
         k = 0
         while k < len(lines):
-            count = lines[k].whole(8)[7]
+            count = lines[k].whole(6)[-1]
             _, name = _record(lines, k, 2)
             taken = _record(lines, k + 2, -(-count * width // 8))
             words = [word for line in taken for word in line.whole(width)]
@@ -142,15 +147,15 @@ def read_unv(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for datasets that do not end, lines that are not numbers, and groups of what is not given.
+        for datasets that do not end, and lines that are not numbers.
     """
     location, content = f"{location}: {path}", _Content()
     try:
         for name, lines in _datasets(file_text(path).split("\n")):
             if name in _READ:
                 _READ[name](content, lines)
-            elif name in _OLD_ELEMENTS:
-                raise ValueError(f"dataset {name} has elements in an old form; export them as dataset 2412")
+            elif name == "71":
+                raise ValueError("dataset 71 has elements in an old form; export them as dataset 2412")
             else:
                 content.others[f"dataset {name}"] += 1
         points = numbers_of(content.points, "the nodes").reshape(-1, 3)
@@ -164,9 +169,10 @@ def read_unv(path: Path, location: str) -> MeshFile:
             {name: np.array(members.get(code, ()), np.int64) for name, members in content.groups.items()}
             for code in (_ELEMENT, _NODE)
         )
-        groups, node_sets = by_number(mesh, elements, nodes)
     except ValueError as error:
         raise cannot_be_read(location, "universal", str(error)) from None
+    left_out = {kind: np.array(numbers, np.int64) for kind, numbers in content.left_out.items()}
+    mesh = grouped(mesh, elements, nodes, left_out)
     remarks = [*mesh.remarks]
     if content.others:
         listed = ", ".join(f"{count} {what}" for what, count in sorted(content.others.items()))
@@ -175,8 +181,9 @@ def read_unv(path: Path, location: str) -> MeshFile:
         remarks.append(
             f"its dataset 164 says that a metre is {content.metre:g} of its lengths; they are read in `unit`"
         )
-    groups = groups or by_value([table[:, 1] for table in tables.values()])
-    return replace(mesh, groups=groups, node_sets=node_sets, remarks=(*remarks, *missing_ids(cells)))
+    groups = mesh.groups or by_value([table[:, 1] for table in tables.values()])
+    every = (*cells, *(Cells("vertex", ids[:, None], ids) for ids in left_out.values()))
+    return replace(mesh, groups=groups, remarks=(*remarks, *missing_ids(every)))
 
 
 def _datasets(lines: list[str]) -> Iterator[tuple[str, Lines]]:
@@ -201,12 +208,14 @@ def _record(lines: Lines, first: int, count: int) -> Lines:
     return lines[first : first + count]
 
 
+_PROPERTY = {6: 2, 8: 3}  # numbers in an element's head -> position of its property
 _READ: dict[str, Callable[[_Content, Lines], None]] = {
     "2411": _Content.read_nodes,
     "781": _Content.read_nodes,
     "15": _Content.read_old_nodes,
-    "2412": _Content.read_elements,
+    "2412": partial(_Content.read_elements, words=6),
+    "780": partial(_Content.read_elements, words=8),
     "164": _Content.read_units,
-    **dict.fromkeys(("2435", "2452", "2467", "2477"), lambda content, lines: content.read_groups(lines, 4)),
-    **dict.fromkeys(("2417", "2429", "2430", "2432"), lambda content, lines: content.read_groups(lines, 2)),
+    **dict.fromkeys(("2435", "2452", "2467", "2477"), partial(_Content.read_groups, width=4)),
+    **dict.fromkeys(("752", "2417", "2429", "2430", "2432"), partial(_Content.read_groups, width=2)),
 }

@@ -31,10 +31,8 @@ from romdam.geometry.meshes.data import (
     cannot_be_read,
     checked_mesh,
     numbers_of,
-    turned,
 )
 
-_EITHER_WAY = ("wedge", "wedge15")  # VTK's manual has their first triangle outward, VTK's code inward
 _TYPES = {cell.vtk: cell for cell in CELLS.values() if cell.vtk is not None}
 _NUMBERS = {
     f"{sign}{kind}{bits}": f"{code}{bits // 8}"
@@ -160,7 +158,7 @@ def read_vtu(path: Path, location: str) -> MeshFile:
         ElementTree.ParseError,
     ) as error:
         raise cannot_be_read(location, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
-    mesh = turned(checked_mesh(np.arange(len(points)), points, cells, location), _EITHER_WAY)
+    mesh = checked_mesh(np.arange(len(points)), points, cells, location)
     return replace(mesh, groups=by_value([values[r] for r in rows]) if len(values) else {})
 
 
