@@ -5,6 +5,8 @@ from mesh_texts import (
     CUBES,
     HEX,
     NODES4,
+    OLD4,
+    OLDEST,
     SLAB,
     TETS,
     assembly,
@@ -82,6 +84,26 @@ HAND = {
             "sub/nodes.bdf": "INCLUDE 'more.bdf'\n",
             "sub/more.bdf": "\n".join(grids()),
         },
+        2.0,
+    ),
+    "include over two lines": (
+        "a.bdf",
+        {"a.bdf": bdf("INCLUDE 'sub/\n        nodes.bdf'", chexa()), "sub/nodes.bdf": "\n".join(grids())},
+        2.0,
+    ),
+    "cards that are no misspelt ones": (
+        "a.bdf",
+        bdf(grids(), chexa(), "AEGRID,1,0.,0.,0.", "TRIMVAR,1,URDD3", "CQUADX4,9,1,1,2,3,4", "OGRDSET,1"),
+        (2.0, "elements that are neither solids nor shells are left out (1 CQUADX4)"),
+    ),
+    "large GRID without its second line": (
+        "a.bdf",
+        bdf(grids(), "GRID*   13              " + 16 * " " + "0.0             0.0             *\nPSOLID,1,1"),
+        "GRID 13 lacks its continuation line",
+    ),
+    "marker with a blank in its first column": (
+        "a.bdf",
+        small(mark=(" A 1", "+A 1")),
         2.0,
     ),
     "include loop": (
@@ -179,6 +201,20 @@ HAND = {
         2.0,
     ),
     "msh 4.1": ("a.msh", msh4(NODES4, CELLS4), 2.0),
+    "msh 4.0": ("a.msh", OLD4, 2.0),
+    "msh 4.0 cut": ("a.msh", OLD4.replace("\n12 1 1 2", ""), "early: the file was cut"),
+    "msh 1": ("a.msh", OLDEST, 2.0),
+    "msh 1 of other counts": ("a.msh", OLDEST.replace("2 5 1 1 8 5", "2 5 1 1 7 5"), "$ELM gives element 2"),
+    "msh names without dimension": (
+        "a.msh",
+        msh(extra='$PhysicalNames\n1\n1 "a dam"\n$EndPhysicalNames\n', head="2 0 8"),
+        2.0,
+    ),
+    "msh of high order": (
+        "a.msh",
+        msh().replace("$Elements\n2\n", "$Elements\n3\n9 26 2 1 1 1 2 3 4\n"),
+        (2.0, "elements that no block is made of are left out (1 of type 26)"),
+    ),
     "msh 4.1 with two groups": ("a.msh", msh4(NODES4, CELLS4, "0 0 0 1\n1 0 0 0 1 1 2 2 5 6 0"), 2.0),
     "msh 3": ("a.msh", msh(head="3 0 8"), "versions 2.2, 4.0 and 4.1 are read"),
     "msh node twice": (

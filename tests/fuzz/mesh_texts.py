@@ -77,6 +77,22 @@ NODES4 = (
 )
 CELLS4 = "1 2 1 2\n3 1 5 2\n" + "\n".join(f"{k} {' '.join(map(str, c))}" for k, c in enumerate(HEX, 1))
 
+_AT = "\n".join(f"{k} {' '.join(map(str, p))}" for k, p in enumerate(CUBES, 1))
+# $Entities of a volume in group 7, and of a point, whose box has six numbers; nodes of two entities
+OLD4 = (
+    "$MeshFormat\n4 0 8\n$EndMeshFormat\n$Entities\n1 0 0 1\n1 0 0 0 0 0 0 0\n"
+    "1 0 0 0 1 1 2 1 7 0\n$EndEntities\n$Nodes\n2 12\n1 0 0 1\n"
+    + _AT.replace("\n", "\n1 3 0 11\n", 1)
+    + "\n$EndNodes\n$Elements\n1 2\n1 3 5 2\n"
+    + "\n".join(f"{k} {' '.join(map(str, c))}" for k, c in enumerate(HEX, 1))
+    + "\n$EndElements\n"
+)
+OLDEST = (
+    f"$NOD\n12\n{_AT}\n$ENDNOD\n$ELM\n2\n"
+    + "\n".join(f"{k} 5 1 1 8 {' '.join(map(str, c))}" for k, c in enumerate(HEX, 1))
+    + "\n$ENDELM\n"
+)
+
 
 def inp(
     points: Sequence[Point] = CUBES,

@@ -195,6 +195,54 @@ def test_med_elements_that_are_inside_out_are_turned(tmp_path):
     )
 
 
+@pytest.mark.parametrize("name", EVERY)
+def test_med_of_version_2(name, tmp_path):
+    """It has no time steps, its families in the mesh, facets apart, and the dimension of space as DIM."""
+    shutil.copy(DATA / f"{name}.med", tmp_path / "m.med")
+    with h5py.File(tmp_path / "m.med", "r+") as file:
+        ((label, mesh),) = file["ENS_MAA"].items()
+        (step,) = mesh
+        for part in mesh[step]:
+            mesh.move(f"{step}/{part}", part)
+        del mesh[step]
+        file.move(f"FAS/{label}", f"ENS_MAA/{label}/FAS")
+        mesh.create_group("FAC")
+        for kind in [kind for kind in mesh["MAI"] if kind.startswith(("TR", "QU"))]:
+            mesh.move(f"MAI/{kind}", f"FAC/{kind}")
+        del mesh.attrs["ESP"]
+        mesh.attrs["DIM"] = 3
+    check(tmp_path / "m.med", name)
+
+
+def test_med_of_several_meshes_one_of_which_is_of_space(tmp_path):
+    shutil.copy(DATA / "hex8.med", tmp_path / "m.med")
+    with h5py.File(tmp_path / "m.med", "r+") as file:
+        file.copy("ENS_MAA/hex8", "ENS_MAA/plan")
+        file["ENS_MAA/plan"].attrs["ESP"] = 2
+    check(tmp_path / "m.med", "hex8")
+    assert "of its 2 meshes 'hex8' is read" in remarks_of("m.med", tmp_path)
+
+
+def test_ansys_needs_no_mid_edge_nodes_of_edges_without_extent(tmp_path):
+    """SOLID186 as a tetrahedron: K = L = S and M = N = O = P = T ... = X; some write 0 for unused nodes."""
+    points, cells, _ = theirs("tet10")
+    table = cells["tetra10"][:, COLLAPSED[3, 20]["tetra10"]] + 1
+    table[:, [10, 12, 13, 14, 15]] = 0  # S, and those of the edges around the apex
+    table[::2, 19] = 0  # AB, which is AA again
+    lines = ["ET,1,186", f"NBLOCK,6,SOLID,{len(points)},{len(points)}", "(1i7,2i9,3e21.13)"]
+    lines += [f"{k:7d}{0:9d}{0:9d}" + "".join(f"{x:21.13E}" for x in at) for k, at in enumerate(points, 1)]
+    lines += ["N,R5.3,LOC,      -1,", f"EBLOCK,19,SOLID,{len(table)},{len(table)}", "(19i8)"]
+    for number, nodes in enumerate(table, 1):
+        row = [1, 1, 1, 1, 0, 0, 0, 0, 20, 0, number, *nodes]
+        lines += ["".join(f"{n:8d}" for n in row[:19]), "".join(f"{n:8d}" for n in row[19:])]
+    (tmp_path / "m.cdb").write_text("\n".join([*lines, f"{-1:8d}", ""]))
+    block = read("m.cdb", tmp_path)
+    assert block.element == "tet10" and off_middle(block) < 1e-12
+    assert assemble(block)[1].sum() / 3 == pytest.approx(CONCRETE.rho * sum(VOLUMES.values()), rel=1e-12)
+    (tmp_path / "m.cdb").write_text("\n".join(lines[:-2] + lines[-1:]))
+    assert "cannot be read as an ANSYS file" in error_of("m.cdb", tmp_path)
+
+
 def test_what_is_left_out_and_units_are_said(tmp_path):
     text = (DATA / "hex8.unv").read_text()
     units = "    -1\n   164\n         5SI: mm                  2\n  1.0D+03  1.0D+00  1.0D+00\n    -1\n"
@@ -258,7 +306,11 @@ def in_millimetres(file):
 
 BROKEN = {
     "a family without groups.med": ("hex8.med", without_family, "family -3 is used and not given"),
-    "two meshes.med": ("hex8.med", of_two_meshes, "it holds 2 of a mesh (hex8, other), limit one"),
+    "two meshes.med": (
+        "hex8.med",
+        of_two_meshes,
+        "2 of its meshes (hex8, other) are unstructured and of three",
+    ),
     "nodes cut.med": ("hex8.med", of_short_nodes, "has 15 nodes of 2 elements of 8"),
     "node lost.med": ("hex8.med", of_a_lost_node, "uses node 99, which is not given"),
     "no FIN.mail": ("hex8.mail", ("FIN\n", ""), "cannot be read as a .mail file"),
@@ -300,7 +352,7 @@ BROKEN = {
 def test_broken_files_are_refused_with_file_and_reason(case, tmp_path):
     name, edit, message = BROKEN[case]
     changed(tmp_path / case, name, edit)
-    error = error_of(case, tmp_path)
+    error = error_of(case, tmp_path, group="upper" if "family" in case else None)
     assert error.startswith(f"{PLACE}: {tmp_path / case}") and "\n" not in error
     assert message in error
 

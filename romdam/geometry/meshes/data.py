@@ -293,7 +293,7 @@ def missing_ids(cells: Sequence[Cells]) -> tuple[str, ...]:
 
 def cannot_be_read(location: str, kind: str, why: str) -> MeshError:
     """The error for a damaged file; `location` is its key and path."""
-    article = "an" if kind[0] in "aeiou" else "a"
+    article = "an" if kind[0].lower() in "aei" else "a"
     return MeshError(f"{location} cannot be read as {article} {kind} file ({why}); export the mesh anew")
 
 

@@ -46,7 +46,7 @@ _PYRAMID_SIDES = ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0))
 _SIDES_OF = {"hex8": _HEX_SIDES, "tet4": _TET_SIDES, "wedge6": _WEDGE_SIDES, "pyramid5": _PYRAMID_SIDES}
 _SIDES = {e.cell.name: _SIDES_OF[e.linear] for e in SOLIDS.values()}
 _REFUSED = {  # what makes or moves nodes and elements in ways that are not followed
-    "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "IMPORT", "SUBSTRUCTURE GENERATE",
+    "NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "IMPORT",
     "SYMMETRIC MODEL GENERATION",
 }  # fmt: skip
 
@@ -99,7 +99,7 @@ class _Deck:
                 (number,) = self.whole(words[:1], "*NODE")
             except (ValueError, MeshError):
                 position = []
-            if not len(position) >= 1 or len(words) > 7 or "_" in "".join(words):
+            if not words or len(words) > 7 or "_" in "".join(words):
                 raise self.error(f"*NODE line {quote(','.join(line))} is no node; repair the file")
             self.short += len(position) < 3
             self.tags.append(number)

@@ -125,8 +125,8 @@ class _Content:
         """Read EBLOCK; of a block without SOLID, whose elements do not say their type, only the numbers."""
         solid = words[2:3] and words[2].upper() == "SOLID"
         widths, _ = self.format()
-        count = 0
-        while (row := self.whole(self.line(), widths))[:1] != [-1]:
+        count, said = 0, _said(words, 4)
+        while (row := self.whole(self.line(), widths))[:1] != [-1] and (row or count != said):
             if not row or (solid and len(row) < _HEAD):
                 raise self.error(f"an element of {len(row)} numbers, expected {_HEAD} and its nodes")
             if solid:
@@ -138,7 +138,7 @@ class _Content:
                 kind = f"of type {self.current}" if known else "in a block that is not in the form SOLID"
                 (self.left_out if known else self.unread).setdefault(kind, []).append(row[0])
             count += 1
-        self.refuse_other_count("EBLOCK", _said(words, 4), count)
+        self.refuse_other_count("EBLOCK", said, count)
 
     def add(self, row: list[int]) -> None:
         """Add a solid or a shell; of others only the number."""

@@ -1,4 +1,4 @@
-"""Gmsh's .msh, versions 2.2, 4.0 and 4.1, as text and binary.
+"""Gmsh's .msh, versions 1, 2.2, 4.0 and 4.1, as text and binary.
 
 Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
 is not given, what numbers there are for a count that is larger, and the first physical group of several.
@@ -7,7 +7,6 @@ is not given, what numbers there are for a count that is larger, and the first p
 from __future__ import annotations
 
 import re
-import shlex
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -30,6 +29,7 @@ _SIZES = {
     31: 56, 36: 16, 37: 25, 38: 36, 39: 12, 40: 16, 41: 20, 42: 28, 43: 36, 90: 40, 91: 75, 92: 64, 93: 125,
     118: 30, 119: 55,
 }  # fmt: skip
+_ANY = -1  # dimension of groups whose names have none, in version 2.0
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
@@ -154,6 +154,16 @@ class _Content:
         _compare(done, total, "Elements")
         self.refuse_mixed_entities()
 
+    def read_elements_1(self, stream: Numbers) -> None:
+        """Read $ELM of version 1: number, type, physical group, entity, count of nodes and nodes."""
+        (total,) = counts(stream, 1)
+        for _ in range(total):
+            number, kind, group, entity, count = counts(stream, 5)
+            row = np.array([[number, group, entity, *counts(stream, count)]])
+            if count != _size(kind):
+                raise ValueError(f"$ELM gives element {number} of type {kind} {count} nodes")
+            self.add_22(kind, row, 2)
+
     def add_22(self, kind: int, rows: Ints, tags: int) -> None:
         """Add rows of number, tags (physical group, entity, ...) and nodes."""
         nothing = np.zeros(len(rows), dtype=np.int64)
@@ -214,6 +224,9 @@ def read_gmsh(path: Path, location: str) -> MeshFile:
 
 
 def _sections(data: bytes) -> _Content:
+    for new, old in ((b"Nodes", b"NOD"), (b"Elements", b"ELM")) if data.lstrip().startswith(b"$NOD") else ():
+        head = b"$MeshFormat\n1 0 8\n$EndMeshFormat\n" if new == b"Nodes" else b""
+        data = data.replace(b"$" + old, head + b"$" + new).replace(b"$END" + old, b"$End" + new)
     content, at, layout, version = _Content(), 0, None, 0.0
     while (at := _past_blanks(data, at)) < len(data):
         end = data.find(b"\n", at)
@@ -270,11 +283,15 @@ def _layout(body: bytes) -> tuple[float, Layout | None]:
         version, binary, size = float(words[0]), int(words[1]), int(words[2])
     except (ValueError, IndexError):
         raise ValueError("$MeshFormat does not give version, type and size") from None
-    if not (2.0 <= version <= 2.2 or version in (4.0, 4.1)) or binary not in (0, 1) or size not in (4, 8):
+    if (
+        not (2.0 <= version <= 2.2 or version in (1.0, 4.0, 4.1))
+        or binary not in (0, 1)
+        or size not in (4, 8)
+    ):
         raise ValueError(
             f"version {version:g}, type {binary}, size {size}; versions 2.2, 4.0 and 4.1 are read: {_EXPORT}"
         )
-    version = version if version >= 4.0 else 2.2
+    version = 2.2 if version in (2.0, 2.1) else version
     if not binary:
         return version, None
     mark = body.partition(b"\n")[2][:4]
@@ -287,12 +304,13 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
     lines = [line for line in body.decode("utf-8", errors="replace").splitlines() if line.strip()]
     names: dict[tuple[int, int], str] = {}
     for line in lines[1:]:
-        words = shlex.split(line)
-        if len(words) != 3 or (int(words[0]), int(words[1])) in names:
+        match = re.fullmatch(r"""\s*(?:(\d+)\s+)?(\d+)\s*(["']?)(.*)\3\s*""", line)
+        key = (int(match[1] or _ANY), int(match[2])) if match else (0, 0)
+        if not match or key in names:
             raise ValueError(
                 f"$PhysicalNames line {quote(line)} is no dimension, number and name, or a second"
             )
-        names[int(words[0]), int(words[1])] = words[2]
+        names[key] = match[4]
     if not lines or int(lines[0]) != len(names):
         raise ValueError(f"$PhysicalNames lists {len(names)} names, and says {quote((lines or [''])[0])}")
     return names
@@ -310,6 +328,8 @@ def _compare(count: int, said: int, name: str) -> None:
 
 
 _READERS: dict[tuple[str, float], Callable[[_Content, Numbers], None]] = {
+    ("Nodes", 1.0): _Content.read_nodes_22,
+    ("Elements", 1.0): _Content.read_elements_1,
     ("Entities", 4.0): partial(_Content.read_entities, of_point=6),
     ("Nodes", 4.0): _Content.read_nodes_40,
     ("Elements", 4.0): partial(_Content.read_elements_41, tag_first=True),
@@ -336,7 +356,7 @@ def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
     for dim, number in sorted(present, key=lambda key: (key[1], key[0])):
         if dim not in (2, 3):
             continue
-        name = content.names.get((dim, number), str(number))
+        name = content.names.get((dim, number)) or content.names.get((_ANY, number), str(number))
         labels_of = [
             members.get(number, np.zeros(0, np.int64)) if c.dim == dim else np.zeros(0, np.int64)
             for c, members in zip(mesh.cells, content.physical, strict=True)

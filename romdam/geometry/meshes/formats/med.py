@@ -1,4 +1,4 @@
-"""MED, the mesh files of SALOME and code_aster, versions 3 and 4.
+"""MED, the mesh files of SALOME and code_aster, versions 2.2 to 4.
 
 Read here and not by meshlane 5.5, which opens any HDF5 file in its caller's process, where damaged bytes may
 kill it.
@@ -46,15 +46,26 @@ def read_med(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for files that HDF5 cannot read, several meshes, several time steps, and counts that do not fit.
+        for files that HDF5 cannot read, several meshes of solids, several time steps, and counts that do not
+        fit.
     """
     location = f"{location}: {path}"
     try:
         with reading_foreign(path) as file:
-            name, mesh = _only(file["ENS_MAA"], "mesh")
+            solid = {name: mesh for name, mesh in file["ENS_MAA"].items() if _of_space(mesh)}
+            if len(solid) != 1:
+                raise ValueError(
+                    f"{len(solid)} of its meshes ({', '.join(file['ENS_MAA'])}) are unstructured and of "
+                    "three dimensions, limit one"
+                )
+            ((name, mesh),) = solid.items()
             content = _mesh(mesh)
-            groups = _members(file.get(f"FAS/{name}/ELEME"), content.families)
-            nodes = _members(file.get(f"FAS/{name}/NOEUD"), [content.node_family])
+            if len(file["ENS_MAA"]) > 1:
+                content.remarks.append(f"of its {len(file['ENS_MAA'])} meshes {quote(name)} is read")
+            families = mesh.get("FAS", file.get(f"FAS/{name}", {}))
+            unsound: dict[str, str] = {}
+            groups = _members(families.get("ELEME"), content.families, unsound)
+            nodes = _members(families.get("NOEUD"), [content.node_family], unsound)
     except (ResultError, ValueError) as error:
         raise cannot_be_read(location, "MED", str(error)) from None
     tags = np.arange(1, len(content.points) + 1)
@@ -63,21 +74,21 @@ def read_med(path: Path, location: str) -> MeshFile:
         checked,
         groups=groups,
         node_sets={label: node_members[0] for label, node_members in nodes.items()},
-        remarks=(*checked.remarks, *content.remarks),
+        remarks=(*checked.remarks, *content.remarks, *sorted(set(unsound.values()))),
+        unsound=unsound,
     )
 
 
-def _only(group: h5py.Group, what: str) -> tuple[str, h5py.Group]:
-    names = list(group)
-    if len(names) != 1:
-        raise ValueError(f"it holds {len(names)} of a {what} ({', '.join(names)}), limit one")
-    return names[0], group[names[0]]
+def _of_space(mesh: h5py.Group) -> bool:
+    """Tell whether a mesh is unstructured and of three dimensions."""
+    return int(mesh.attrs.get("ESP", mesh.attrs["DIM"])) == 3 and int(mesh.attrs.get("TYP", 0)) == 0
 
 
 def _mesh(mesh: h5py.Group) -> _Content:
-    if int(mesh.attrs["ESP"]) != 3 or int(mesh.attrs.get("TYP", 0)) != 0:
-        raise ValueError("its mesh is structured, or not one of three dimensions")
-    _, step = _only(mesh, "time step")
+    steps = [mesh] if "NOE" in mesh else list(mesh.values())  # version 2 has no time steps
+    if len(steps) != 1:
+        raise ValueError(f"its mesh has {len(steps)} time steps ({', '.join(mesh)}), limit one")
+    (step,) = steps
     nodes = step["NOE"]
     count = len(nodes["COO"]) // 3
     points = np.asarray(nodes["COO"], dtype=float).reshape(3, count).T
@@ -86,7 +97,7 @@ def _mesh(mesh: h5py.Group) -> _Content:
     if unit not in _METRES:
         content.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
     first = 1
-    for kind, group in step["MAI"].items():
+    for kind, group in [*step["MAI"].items(), *step.get("FAC", {}).items()]:  # version 2 has facets apart
         if kind not in _TYPES:
             content.remarks.append(f"elements of type {kind} are left out")
             continue
@@ -114,17 +125,20 @@ def _family(group: h5py.Group, count: int) -> Ints:
     return family
 
 
-def _members(table: h5py.Group | None, families: list[Ints]) -> Groups:
-    """Groups from the family of every element or node; a table names the groups of every family."""
+def _members(table: h5py.Group | None, families: list[Ints], unsound: dict[str, str]) -> Groups:
+    """Groups from the family of every element or node; a table names the groups of every family.
+
+    Where it lacks a family, any group may have lost members, and all are unsound.
+    """
     groups: dict[int, list[str]] = {0: []}
     for family in (table or {}).values():
         names = family["GRO/NOM"][:] if "GRO" in family else ()
         groups[int(family.attrs["NUM"])] = [_text(name.tobytes()) for name in names]
     lost = set(np.unique(np.concatenate([np.zeros(1, np.int64), *families])).tolist()) - set(groups)
-    if lost:
-        raise ValueError(f"family {min(lost)} is used and not given ({len(lost)} such families)")
     members: Groups = {}
     for name in sorted({name for names_of in groups.values() for name in names_of}):
         numbers = [number for number, names_of in groups.items() if name in names_of]
         members[name] = [np.flatnonzero(np.isin(family, numbers)) for family in families]
+        if lost:
+            unsound[name] = f"family {min(lost)} is used and not given ({len(lost)} such families)"
     return members

@@ -10,7 +10,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
@@ -39,16 +38,15 @@ _KINDS = {  # entry -> number of nodes -> what it holds
 _SHELL_NODES = {name: nodes for name, sizes in _KINDS.items() for nodes in sizes if sizes[nodes].dim == 2}
 _SYSTEMS = ("CORD2R", "CORD2C", "CORD2S")
 _READ = ("GRID", "GRDSET", "ENDDATA", "INCLUDE", *_KINDS, *_SYSTEMS)
-# The entries of Nastran (432 in pyNastran 1.4, and those of the Quick Reference Guide) whose names are near
-# to one that is read.
+# The entries of Nastran (432 in pyNastran 1.4, and those of the Quick Reference Guide) whose names
+# differ by a letter from one that is read.
 _ALIKE = {
-    "AEGRID", "AEQUAD4", "AETRIA3", "BCGRID", "CHEXA1", "CHEXA2", "CIFPENT", "CIFQUAD", "CORD1C", "CORD1R",
-    "CORD1S", "CORD3G", "CORD3R", "CQUAD", "CQUAD1", "CQUAD2", "CQUADX", "CQUADX4", "CQUADX8", "CTRAX3",
-    "CTRAX6", "CTRIA1", "CTRIA2", "CTRIAX", "CTRIAX3", "CTRIAX6", "DVGRID", "GRAVSET", "GRIDA", "GRIDB",
-    "GRIDF", "GRIDS", "OGRDSET", "PFGRID", "RADSET",
+    "CHEXA1", "CHEXA2", "CORD1C", "CORD1R", "CORD1S", "CORD3R", "CQUAD", "CQUAD1", "CQUAD2", "CQUADX",
+    "CQUADX4", "CQUADX8", "CTRIA1", "CTRIA2", "CTRIAX", "CTRIAX6", "EGRID", "GRIDA", "GRIDB", "GRIDF",
+    "GRIDG", "GRIDS", "OGRDSET",
 }  # fmt: skip
 _ELEMENT = re.compile(r"C(?!ORD|ONV)[A-Z0-9]+|RBE?\w+|PLOTEL")
-_INCLUDE = re.compile(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^\s'"]+))\s*""", re.IGNORECASE)
+_INCLUDE = re.compile(r"""\s*INCLUDE\s*(?:'([^']+)'|"([^"]+)"|([^'"]+))\s*""", re.IGNORECASE)
 _REAL = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+))(?:[ED]([+-]?\d+)|([+-]\d+))?$")
 
 
@@ -130,9 +128,10 @@ class _Deck:
             self.default = entry.whole(2, 0)
         elif name in _SYSTEMS:
             corners = np.array([entry.real(k) for k in range(3, 12)]).reshape(3, 3)
-            if entry.whole(1) in self.systems:
+            system = (name, entry.whole(2, 0), corners)
+            kind, reference, before = self.systems.setdefault(entry.whole(1), system)
+            if (kind, reference) != system[:2] or (before != corners).any():
                 raise ValueError(f"{entry.where}: coordinate system {entry.whole(1)} is given twice")
-            self.systems[entry.whole(1)] = (name, entry.whole(2, 0), corners)
         elif name == "ENDDATA":
             self.ended = True
         elif meant := _meant(name):
@@ -297,12 +296,12 @@ def _fields(text: str, where: str) -> _Line:
     wide = words[0].endswith("*") or words[0].startswith("*")
     count, width = (4, 16) if wide else (8, 8)
     if free:
-        if any(words[2 + count :]):
+        if any(words[2 + count :]) and (words[0].upper() in _READ or words[0][:1] in "+*"):
             raise ValueError(f"{where}: {quote(text)} has {len(words)} fields, limit {2 + count}")
         words += [""] * (2 + count - len(words))
     else:
         words += [text[8 + width * k : 8 + width * (k + 1)].strip() for k in range(count)] + [
-            text[72:80].strip()
+            text[72:80].rstrip()
         ]
     name = words[0] if words[0].startswith(("*", "+")) else words[0].rstrip("*_ ").upper()  # meshio: CHEXA_
     return _Line(where, name, words[1 : 1 + count], words[1 + count])
@@ -320,7 +319,7 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
         if entry is None:
             raise ValueError(f"{line.where} continues nothing")
         marker, awaited = line.name[1:].lstrip(), entry.marker[1:].lstrip()  # whatever its first column
-        if marker and marker != awaited and entry.name in _READ:
+        if marker and awaited and marker != awaited and entry.name in _READ:
             raise ValueError(
                 f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
                 f"{entry.where} is awaited; write continuation lines below their entries"
@@ -334,5 +333,10 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
 @cache
 def _meant(name: str) -> str:
     """The entry that a name differs from by a letter; empty where there is none."""
-    near = [] if name in _ALIKE else get_close_matches(name, _READ, n=1, cutoff=0.75)
-    return near[0] if near else ""
+    for known in () if name in _ALIKE else _READ:
+        if len(name) == len(known) and sum(a != b for a, b in zip(name, known, strict=True)) == 1:
+            return known
+        long, short = sorted((name, known), key=len, reverse=True)
+        if len(long) == len(short) + 1 and any(long[:k] + long[k + 1 :] == short for k in range(len(long))):
+            return known
+    return ""
