@@ -23,6 +23,14 @@ _WORDS = {
 }  # fmt: skip
 
 
+SUBJECTS = {  # page of keys -> sections of a job
+    "job": ("",),
+    "dam": ("materials", "blocks", "cut", "arch_dam", "gravity_dam", "supports", "ground"),
+    "joints": ("joints", "ties"),
+    "loads": ("loads", "water", "damping"),
+    "records": ("records",),
+    "runs": ("model", "transient", "outputs", "study", "suite", "comparison"),
+}
 ROOT = Path(__file__).parents[1]
 ROOMS = ("contact", "timestepping", "effects", "reduction", "linalg", "error", "export")  # with constants
 STAGES = (  # of pipelines
@@ -43,7 +51,7 @@ def write(folder: Path) -> None:
     """Write every table into a folder, where it is not as it should be."""
     folder.mkdir(exist_ok=True)
     made = {
-        "configuration.md": configuration(),
+        **{f"keys_{subject}.md": configuration(subject) for subject in SUBJECTS},
         "constants.md": constants(),
         "effects.md": effects(),
         "coordinates.md": variables(COORDINATES),
@@ -161,10 +169,12 @@ def variables(registry: Mapping[str, Variable]) -> str:
     return "\n".join(rows) + "\n"
 
 
-def configuration() -> str:
-    """A section for every mapping of the configuration's schema, in the order in which it is met."""
+def configuration(subject: str = "") -> str:
+    """A section for every mapping of the schema, of all or of a subject, in the order in which it is met."""
     sections, headings = [], set[str]()
     for mapping, paths in mappings():
+        if subject and re.split(r"[.\[]", paths[0])[0] not in SUBJECTS[subject]:
+            continue
         heading = f"`{paths[0]}`" if paths[0] else "Top level"
         if heading in headings:  # one of several that may stand there
             heading = f"{heading}: {_mark(mapping)}"
@@ -194,7 +204,9 @@ def mappings() -> list[tuple[Node, list[str]]]:
         if "properties" in node and "description" in node:
             known = id(node) in found
             found.setdefault(id(node), (node, []))[1].append(path)
-            for name, key in node["properties"].items() if not known else ():
+            keys = {} if known else node["properties"]
+            # motions of supports last: most of their keys are those of `records`
+            for name, key in sorted(keys.items(), key=lambda item: item[0] == "supports"):
                 visit(key, f"{path}.{name}" if path else name)
             return
         for inner, many in _inner(node):

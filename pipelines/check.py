@@ -14,7 +14,7 @@ from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
-from romdam.pipelines.cost import COSTS, run_costs
+from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
@@ -57,8 +57,7 @@ class Check:
     joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
-    costs : CPU seconds of all runs: integration, estimate of the error, stress, results and figures; empty
-        where unknown
+    costs : CPU seconds of `romdam run`, see `romdam.pipelines.cost.COSTS`; empty where unknown
     memory, file_size : estimates for all records [bytes]
     warnings : of what keys and records say and hardly can mean
     closed_frequencies : the lowest of the whole, every gap closed [Hz]; empty where they are not computed
@@ -82,7 +81,7 @@ class Check:
 
     @property
     def seconds(self) -> float:
-        """CPU time of all runs but for their reduction, which the check keeps; NaN where unknown [s]."""
+        """CPU time of `romdam run`; what a check with a cache reduced is found there. NaN where unknown."""
         return sum(self.costs.values()) if self.costs else math.nan
 
 
@@ -118,9 +117,13 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
             failed.append(f"{name}: {error}")
     each = checks.values()
     known = all(checked_job.costs for checked_job in each)
+
+    def total(name: str) -> float:
+        return (max if name == "start" else sum)(checked_job.costs[name] for checked_job in each)
+
     return replace(
         checks[asked.against],
-        costs={name: sum(checked_job.costs[name] for checked_job in each) for name in COSTS} if known else {},
+        costs={name: total(name) for name in COSTS} if known else {},
         memory=max(checked_job.memory for checked_job in each),
         file_size=sum(checked_job.file_size for checked_job in each),
         warnings=tuple(
@@ -178,7 +181,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     total, system, scene = sum(steps.values()) * each, model.system, model.scene
     if model.reduced is None:
         closed: tuple[float, ...] = ()
-        costs = dict.fromkeys(COSTS, 0.0) | {"integration": total * full_order_seconds(system)}
+        costs = {"integration": total * full_order_seconds(system)}
         coordinates, basis = 0, 0
     else:
         closed = tuple(closed_frequencies(system, _CLOSED).tolist())
@@ -191,6 +194,12 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     # memory of the longest run, basis, operators, and the libraries
     most, stride = max(steps.values()), settings.steps.stride
     operators = 8.0 * (system.B.nnz * 2 + float(system.B.shape[0]) ** 2 * 2)
+    file_size = row * (total // stride + 1)
+    if costs:
+        costs |= fixed_costs(job, len(motions), len(scene.joints), file_size, clock.cpu)
+        if store is None:  # else a run finds the reduced blocks
+            costs["reduction"] = clock.cpu["model"] + clock.cpu.get("mesh_model", 0.0)
+        costs = {name: costs.get(name, 0.0) for name in COSTS}
     memory = _LIBRARIES + run_bytes(system, most, most / stride + 1) + 2.0 * basis + operators
     return Check(
         blocks={name: _block(model, name) for name in scene.blocks},
@@ -216,7 +225,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         unknowns=system.size,
         costs=costs,
         memory=memory,
-        file_size=row * (total // stride + 1),
+        file_size=file_size,
         warnings=job_warnings(job, motions),
         closed_frequencies=closed,
         ties={
@@ -263,7 +272,7 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
         yield f"frequencies with closed joints: {why}; `romdam modes --joints bonded`"
     if job.config.pipeline == "suite":
         yield "equilibrium at rest of each sample; blocks and joints are those of the file's own values"
-    yield "room on the disk, and figures"
+    yield "room on the disk"
 
 
 def _solvers(job: Job, model: Model) -> Iterator[str]:

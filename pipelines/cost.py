@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
@@ -21,14 +21,19 @@ from romdam.records.measures import moving, significant_duration
 
 log = logging.getLogger(__name__)
 
-COSTS = ("integration", "estimate", "mesh", "stress", "results", "figures")
+_MOTION = ("integration", "estimate", "mesh", "stress")  # costs that grow with the length of a record
+COSTS = ("start", "reduction", *_MOTION, "results", "figures")
 _PARTS = 4  # of the record, at equal distances: strong motion is some of them
 _FIRST = 0.01  # of the record, each part, to begin with: they tell how long the others may be
 _ROWS = 5.0  # written rows of a part at least
 _BUDGET = 1.0  # s of CPU in the integration of the longer parts
 _LONGER = 2.0  # times as long they are at least
-_RESULTS = 0.6  # s of CPU to write a result, or a summary: 0.2 to 1.2, by the machine and its other work
-_FIGURES = 1.5  # s of CPU to draw the figures of a result: 0.9 to 2.4
+# s of CPU, from 0.6 to 1.5 times as much by the machine and its other work
+_START = 3.0  # to load libraries and compiled code
+_RESULTS = 0.7  # to write a result, or a summary
+_BYTES = 2.3e-8  # for each byte of a result
+_FIGURES = 1.0  # to draw the figures of a result
+_JOINT_FIGURES = 0.6  # for each of its joints
 _QUIET = 0.02  # of the record's squared acceleration, at either end: joints hardly move, see `error.estimate`
 
 
@@ -39,7 +44,7 @@ def run_costs(
     runs: int = 1,
     sibling: Sibling | NoSibling | None = None,
 ) -> dict[str, float]:
-    """CPU seconds of all runs, see `COSTS`; empty where a part fails.
+    """CPU seconds of all runs that grow with their length, of `COSTS`; empty where a part fails.
 
     Parts of two lengths are run, so that what a run takes whatever its length is counted once.
 
@@ -73,9 +78,24 @@ def run_costs(
     every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
     costs = {name: every * seconds for name, seconds in costs.items()}
     costs["stress"] += fields
+    return costs
+
+
+def fixed_costs(
+    job: Job, records: int, joints: int, file_size: float, stages: Mapping[str, float]
+) -> dict[str, float]:
+    """CPU seconds of a command whatever the length of its records: start, results and figures.
+
+    Parameters
+    ----------
+    file_size : of all results [bytes]
+    stages : CPU seconds of the stages of a check that a run has too
+    """
+    costs = {"start": _START + stages.get("records", 0.0) + stages.get("scene", 0.0)}
     if job.config.pipeline == "run":
-        costs["results"] = _RESULTS * (len(motions) + (len(motions) > 1))
-        costs["figures"] = _FIGURES * len(motions) if job.config.outputs.plots else 0.0
+        costs["results"] = _RESULTS * (records + (records > 1)) + _BYTES * file_size
+        drawn = records if job.config.outputs.plots else 0
+        costs["figures"] = drawn * (_FIGURES + _JOINT_FIGURES * joints)
     return costs
 
 
@@ -125,7 +145,7 @@ def _run_parts(
     job: Job, model: Model, sibling: Sibling | NoSibling | None, motion: GroundMotion, share: float
 ) -> dict[str, float]:
     """CPU seconds of running a share of a record, in parts at equal distances, each from rest."""
-    costs = dict.fromkeys(COSTS, 0.0)
+    costs = dict.fromkeys(_MOTION, 0.0)
     for window in record_parts(motion, run_seconds(job, motion), share):
         length = run_seconds(job, motion) if share >= 1.0 else window.duration
         transient = job.config.transient.model_copy(update={"duration": length})
@@ -140,6 +160,6 @@ def _run_parts(
         times.append(cpu_time())
         stress_of(model.scene, model.stress, history)
         times.append(cpu_time())
-        for name, begin, end in zip(COSTS, times, times[1:], strict=False):
+        for name, begin, end in zip(_MOTION, times[:-1], times[1:], strict=True):
             costs[name] += end - begin
     return costs

@@ -77,7 +77,10 @@ def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch): 
     found = romdam.check(config)
     assert set(found.costs) == set(cost.COSTS) and found.costs["integration"] > 0.0
     assert found.seconds == pytest.approx(sum(found.costs.values()))
-    assert found.costs["results"] == cost._RESULTS and found.costs["figures"] in (0.0, cost._FIGURES)
+    assert found.costs["results"] == pytest.approx(cost._RESULTS + cost._BYTES * found.file_size)
+    drawn = cost._FIGURES + cost._JOINT_FIGURES * len(found.joints)
+    assert found.costs["figures"] in (0.0, drawn) and found.costs["start"] > cost._START
+    assert found.costs["reduction"] > 0.0, "nothing is kept for the run, which reduces again"
     assert lengths == estimates
     assert len(lengths) == 3 * 4  # 0.05 s each, five written rows, to compile and to begin with; then 0.1 s
     assert lengths[:8] == pytest.approx([0.05] * 8, abs=0.011)
@@ -103,7 +106,7 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
         prepared: object = None
         system: object = None
 
-    per_share = {"integration": 6.0, "estimate": 4.5, "stress": 3.0, "results": 0.0, "figures": 0.0}
+    per_share = {"integration": 6.0, "estimate": 4.5, "stress": 3.0}
     steps = SimpleNamespace(interval=0.01)
     monkeypatch.setattr(cost, "settings_for", lambda *_: SimpleNamespace(steps=steps))
     monkeypatch.setattr(cost, "stress_fields", lambda *_: {})
@@ -122,4 +125,5 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
     found = cost.run_costs(job, Reduced(system=SimpleNamespace(law=None)), motions, runs=5)
     assert found["integration"] == pytest.approx(40.0) and found["estimate"] == pytest.approx(30.0)
     assert found["stress"] == pytest.approx(20.0, abs=0.1)
-    assert found["results"] == pytest.approx(0.6 * 3) and found["figures"] == pytest.approx(1.5 * 2)
+    fixed = cost.fixed_costs(job, records=2, joints=5, file_size=1e8, stages={"records": 0.5, "scene": 1.0})
+    assert fixed == pytest.approx({"start": 4.5, "results": 3 * 0.7 + 2.3, "figures": 2 * (1.0 + 5 * 0.6)})

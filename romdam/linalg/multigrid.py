@@ -24,7 +24,6 @@ from scipy.sparse import bsr_matrix, csr_matrix, diags_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from romdam.core.arrays import Floats, Ints, Singles
-from romdam.core.errors import ReductionError
 from romdam.linalg.conjugate import WIDTH, conjugate_gradients
 
 if TYPE_CHECKING:
@@ -105,11 +104,6 @@ class Multigrid:
     ----------
     matrix : (n, n) sparse
     motions : of its rows
-
-    Raises
-    ------
-    ReductionError
-        where pyamg is missing.
     """
 
     def __init__(self, matrix: csr_matrix, motions: Motions) -> None:
@@ -210,12 +204,8 @@ def _aggregated(matrix: bsr_matrix, rigid: Floats) -> tuple[list[bsr_matrix], li
     Nodes are aggregated in their own order: in one of small bandwidth aggregates are smaller, and a column of
     a tet10 block of 26,264 unknowns takes 27 iterations instead of 19.
     """
-    try:
-        from pyamg import smoothed_aggregation_solver
-    except ImportError as error:
-        raise ReductionError(
-            f"multigrid: pyamg is not installed ({error}); pip install 'romdam[large]'"
-        ) from error
+    from pyamg import smoothed_aggregation_solver  # here, not above: few jobs need it
+
     # pyamg draws from numpy's global generator: the same each time, in one thread at a time
     with _DRAWING:
         state = np.random.get_state()  # noqa: NPY002

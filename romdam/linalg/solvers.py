@@ -9,7 +9,7 @@ All solvers have one interface, made once and solved with many times:
 | pardiso | L D L^T of the Intel MKL | pypardiso (extra `large`) |
 | pardiso_single | L L^T in single precision under conjugate gradients in double: half the memory | the same |
 | | where most rows have neither mass nor load, of those alone (see `condensed.py`) | |
-| multigrid | conjugate gradients under smoothed aggregation, no factors | pyamg (extra `large`) |
+| multigrid | conjugate gradients under smoothed aggregation, no factors | pyamg |
 
 MUMPS is left out: the one wheel of python-mumps (0.0.2) needs NumPy 1, and needs a compiler otherwise.
 """

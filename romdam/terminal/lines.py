@@ -27,7 +27,7 @@ def check_lines(check: Check) -> list[str]:
     time_text = "time unknown"
     if check.costs:
         each = ", ".join(f"{name} {seconds:.2g}" for name, seconds in check.costs.items() if seconds > 0.0)
-        time_text = f"about {check.seconds:.2g} s of CPU beside the reduction ({each})"
+        time_text = f"about {check.seconds:.2g} s of CPU for `romdam run` ({each})"
     return [
         *([f"joints closed: {closed} Hz, undamped"] if closed else []),
         *check.solvers,

@@ -7,7 +7,7 @@ model at a finest step of 0.039 ms, and that of the largest compression, rms of 
 penalty, ten times softer, a hundred times stiffer and rough joints. For what only chooses how the gap-space
 problem is solved: how far openings move, over the largest. CPU is that of the time loop, and noisy on a
 shared machine; steps and sweeps are not. Constants of compiled functions are compiled in: each value takes a
-process and a cache of its own, and a minute. The manual quotes this (`docs/constants.md`).
+process and a cache of its own, and a minute. The manual quotes this (`docs/extending/constants.md`).
 """
 
 from __future__ import annotations

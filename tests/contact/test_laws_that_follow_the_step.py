@@ -1,6 +1,5 @@
 """Laws whose limits depend on the step that is solved, inside the package and in a user's file."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,6 @@ from romdam.contact.laws import BartonBandis, SlipWeakening
 from romdam.contact.laws.catalogue import find_law, source_of, user_law
 from romdam.core.system import SLIP, STICK, GapLaw, LawRows
 
-PAGE = Path(__file__).parents[2] / "docs" / "extending" / "law.md"
 INSIDE = Path(romdam.__file__).parent / "contact" / "laws" / "slip_weakening.py"
 SPRING = 5e5  # shear per free jump of the gap: K_s 1e6 N/m in series with 1e-6 m/N [N/m]
 
@@ -61,11 +59,9 @@ def test_slip_weakening_loses_friction_with_the_path_of_the_slip(tmp_path, where
     assert path > 0.02 and abs(rest) < path / 2
 
 
-def test_friction_that_depends_on_the_pressure_of_the_step(tmp_path):
+def test_friction_that_depends_on_the_pressure_of_the_step():
     """T = mu_0 p_0^n p^(1 - n): the compression grows eightfold, the friction by the square root of it."""
-    (text,) = re.findall(r"```python\n# configs/pressure.py\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    (tmp_path / "pressure.py").write_text(text)
-    source = user_law("pressure.PressureFriction", tmp_path / "pressure.py")
+    source = user_law("pressure.PressureFriction", Path(__file__).with_name("pressure.py"))
     gap = one_gap(source, [0.5, 2000.0, 0.5])
     for closed, along in ((-2e-3, 8e-3), (-16e-3, 40e-3), (-4e-3, 60e-3)):
         p = -closed / 1.25e-6

@@ -40,6 +40,7 @@ FENCES = {
     "literalinclude",
     "image",
     "figure",
+    "index",  # words by which the search finds the page
     "code-cell",  # of a notebook, which test_tutorials.py runs
 }
 BASE = ROOT / "configs" / "two_cantilevers.yaml"

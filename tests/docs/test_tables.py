@@ -28,6 +28,13 @@ def test_every_key_of_the_schema_has_a_row_with_its_meaning(tables):
         assert kind and default and re.search(r"[A-Za-z|]{2}", told), told
 
 
+def test_every_section_stands_on_the_page_of_one_subject(tables):
+    pages = [tables.configuration(subject) for subject in tables.SUBJECTS]
+    headings = [line for page in pages for line in page.splitlines() if line.startswith("## ")]
+    whole = [line for line in tables.configuration().splitlines() if line.startswith("## ")]
+    assert sorted(headings) == sorted(whole) and all(pages)
+
+
 def test_units_and_limits_come_from_the_schema(tables):
     text = tables.configuration()
     assert "| `rho` | number [kg/m3] | **required** | above 0; Density of the material. |" in text
@@ -47,9 +54,9 @@ def test_every_variable_has_a_row_with_unit_and_meaning(tables, registry):
 def test_the_pages_are_in_the_contents():
     pages = {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")}
     pages = {page for page in pages if not page.startswith(("_build", "generated"))}
-    for contents in ("index.md", "extending/index.md", "tutorials/index.md"):
+    for contents in ("index.md", "configuration.md", "extending/index.md", "tutorials/index.md"):
         words = (DOCS / contents).read_text().split()
-        folder = contents.removesuffix("index.md")
+        folder = contents.rpartition("/")[0] + "/" * ("/" in contents)
         pages -= {f"{folder}{word}.md" for word in words} | {contents}
     assert not pages, f"in no table of contents: {sorted(pages)}"
 

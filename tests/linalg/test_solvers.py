@@ -27,7 +27,6 @@ from romdam.linalg.solvers import Solving, candidates, make_solver
 from romdam.reduction.substructure import FREE_SHIFT
 from romdam.scene.supports import rigid_motions
 
-pytest.importorskip("pyamg")
 NAMES = ["superlu", "multifrontal", "multigrid", "pardiso", "pardiso_single"]
 CUTOFF = 100.0
 

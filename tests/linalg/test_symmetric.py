@@ -31,7 +31,7 @@ def test_both_triangles_come_back_bit_for_bit(matrix):
 @pytest.mark.parametrize("name", ["superlu", "multifrontal", "pardiso", "pardiso_single", "multigrid"])
 def test_every_solver_takes_it(matrix, name):
     pytest.importorskip(
-        {"superlu": "scipy", "multifrontal": "scipy", "multigrid": "pyamg"}.get(name, "pypardiso")
+        {"superlu": "scipy", "multifrontal": "scipy", "multigrid": "scipy"}.get(name, "pypardiso")
     )
     motions = Motions(np.arange(60), np.random.default_rng(2).standard_normal((60, 6)))
     right = np.random.default_rng(3).standard_normal((60, 5))

@@ -48,7 +48,6 @@ def test_a_large_model_has_none_and_check_says_so(config, monkeypatch):  # noqa:
 
 
 def test_check_says_what_it_skips_and_what_fits_no_factors(config, monkeypatch):  # noqa: F811
-    pytest.importorskip("pyamg")
     from romdam.linalg import solvers
     from romdam.linalg.solvers import Estimate, Solving, without_factors
 

@@ -53,7 +53,7 @@ def flexibility(system):
 def test_a_basis_from_the_disk_is_the_one_from_memory(
     solver, free, residual_vectors, monkeypatch, through_the_disk, tmp_path
 ):
-    pytest.importorskip({"superlu": "scipy", "multigrid": "pyamg", "pardiso": "pypardiso"}[solver])
+    pytest.importorskip({"superlu": "scipy", "multigrid": "scipy", "pardiso": "pypardiso"}[solver])
     where = built()
     if free:  # nothing but the gaps holds the right block
         where = dataclasses.replace(where, fixed=where.fixed | {"right": np.zeros_like(where.fixed["right"])})

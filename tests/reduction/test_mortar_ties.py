@@ -175,7 +175,6 @@ def test_a_reduced_basis_is_orthonormal_and_statically_exact():
 
 
 def test_multigrid_and_finer_models_know_the_slaves():
-    pytest.importorskip("pyamg")
     built = foot()
     own, known = (
         reduce_scene(built, ModeChoice(cutoff=60.0, solving=Solving(name)), DAMPING)
