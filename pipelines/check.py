@@ -53,15 +53,15 @@ class Check:
 
     Attributes
     ----------
-    blocks : name -> plain numbers (element, nodes, cells, modes, lowest open-joint frequencies [Hz])
+    blocks : name -> plain numbers (element, nodes, cells, modes, lowest frequencies as reduced, open [Hz])
     joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
     records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
     unknowns : of the system that would be integrated
     costs : CPU seconds of `romdam run`, see `romdam.pipelines.cost.COSTS`; empty where unknown
     memory, file_size : estimates for all records [bytes]
     warnings : of what keys and records say and hardly can mean
-    closed_frequencies : the lowest of the whole, every gap closed [Hz]; empty where they are not computed
-    ties : name -> plain numbers (blocks, nodes, discretization)
+    closed_frequencies : the lowest of the reduced model, every gap closed [Hz]; empty where not computed
+    ties : name -> plain numbers (blocks, nodes, discretization, largest distance of the faces [m])
     solvers : sentences on parts that are solved by multigrid, as factors do not fit
     skipped : what a run looks at and this does not
     """
@@ -233,6 +233,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
                 "between": " - ".join(tie.blocks),
                 "nodes": len(tie.nodes[0]),
                 "discretization": "coincident nodes" if tie.weights is None else "mortar",
+                "apart": tie.apart,
             }
             for tie in scene.ties
         },

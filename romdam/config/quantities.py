@@ -88,6 +88,10 @@ hertz = 1 / second = Hz
 newton = kilogram * meter / second ** 2 = N
 pascal = newton / meter ** 2 = Pa
 """
+# of US practice, which pint does not know
+_CUSTOMARY = (
+    "lbm = pound", "psf = force_pound / foot ** 2", "ksf = 1000 * psf", "pcf = pound / foot ** 3"
+)  # fmt: skip
 _EXAMPLES = {"": "0.05 or 5 %", "delta_degC": "-4 K", "1/K": "1e-5 1/K", "byte": "8 GB"}
 
 
@@ -96,7 +100,12 @@ def _registry(definitions: str = "") -> pint.UnitRegistry[Any]:
     """Build a registry of the units that are defined, or of all that pint knows."""
     import pint  # here, not above: it costs 0.1 s that `import romdam` need not pay
 
-    return pint.UnitRegistry(definitions.splitlines() or "", autoconvert_offset_to_baseunit=True)
+    registry: pint.UnitRegistry[Any] = pint.UnitRegistry(
+        definitions.splitlines() or "", autoconvert_offset_to_baseunit=True
+    )
+    for definition in () if definitions else _CUSTOMARY:
+        registry.define(definition)
+    return registry
 
 
 @cache

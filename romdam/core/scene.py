@@ -193,6 +193,7 @@ class Tie:
     nodes : two arrays of node numbers, in block I and in block J
     weights : (k, m) sparse, rows sum to 1; None where nodes are one
     area : (k,) of the slave nodes [m2], None if alike: by them a slave in several ties takes its mean
+    apart : largest distance of the two faces, which the tie bridges [m]
     """
 
     name: str
@@ -200,6 +201,7 @@ class Tie:
     nodes: tuple[Ints, Ints]
     weights: csr_matrix | None = None
     area: Floats | None = None
+    apart: float = 0.0
 
 
 @dataclass(frozen=True)

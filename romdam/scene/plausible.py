@@ -23,6 +23,7 @@ _SHORT = 1.0  # of the depth: a shorter reservoir is odd
 _SLENDER = 100.0  # ratio of edges from which on an element is told of
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.99  # share of a face from which on a joint covers it
+_BRIDGED = 1e-3  # [m] between tied faces, from which on it is told
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
@@ -54,6 +55,12 @@ def odd_remarks(
     for name, joint in scene.joints.items():
         if name not in generated:
             remarks += _partly(joint, scene.blocks)
+    remarks += [
+        f"ties.{tie.name}: bridges up to {tie.apart:.3g} m between the faces of {' and '.join(tie.blocks)}, "
+        "and keeps them at that distance"
+        for tie in scene.ties
+        if tie.apart > _BRIDGED
+    ]
     remarks += _unjoined(scene)
     if scene.gravity.any() and not scene.staged_weight:
         remarks += [

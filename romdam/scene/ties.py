@@ -142,7 +142,8 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], location: str
             _log.info("%s: the nodes of the two faces do not coincide; discretization: mortar", location)
         else:
             nodes = np.unique(facets)
-            return Tie(name, tie.between, (nodes, partner[nodes]))
+            distance = np.linalg.norm(I.points[nodes] - J.points[partner[nodes]], axis=1)
+            return Tie(name, tie.between, (nodes, partner[nodes]), apart=float(distance.max()))
     interface = mortar_interface(I, J, tie.tolerance, tie.overlap, location)
     weights = tie_weights(interface)
     slave, master = interface.slave, interface.master
@@ -151,7 +152,8 @@ def build_tie(name: str, tie: TieConfig, blocks: dict[str, Block], location: str
         location, len(weights.slave), slave.block, master.block, interface.covered, interface.apart,
     )  # fmt: skip
     sides = slave.block, master.block
-    return Tie(name, sides, (weights.slave, weights.master), weights.weights, weights.area)
+    followed = weights.slave, weights.master
+    return Tie(name, sides, followed, weights.weights, weights.area, interface.apart)
 
 
 def refuse_tied(blocks: tuple[Block, Block], location: str) -> None:

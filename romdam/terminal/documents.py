@@ -104,7 +104,13 @@ def check_document(check: Check, config: Path) -> Document:
             for name, joint in check.joints.items()
         },
         "ties": {
-            name: {**tie, "between": str(tie["between"]).split(" - ")} for name, tie in check.ties.items()
+            name: {
+                "between": str(tie["between"]).split(" - "),
+                "nodes": tie["nodes"],
+                "discretization": tie["discretization"],
+                "apart_m": tie["apart"],
+            }
+            for name, tie in check.ties.items()
         },
         "records": {
             name: {

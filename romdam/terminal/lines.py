@@ -23,13 +23,18 @@ if TYPE_CHECKING:
 
 def check_lines(check: Check) -> list[str]:
     """Frequencies and cost of a job that was checked, its warnings, and what is left to a run."""
-    closed = ", ".join(f"{freq:.4g}" for freq in check.closed_frequencies)
+    # three digits: a reduced model's frequencies lie above those of its mesh
+    closed = ", ".join(f"{freq:.3g}" for freq in check.closed_frequencies)
     time_text = "time unknown"
     if check.costs:
         each = ", ".join(f"{name} {seconds:.2g}" for name, seconds in check.costs.items() if seconds > 0.0)
         time_text = f"about {check.seconds:.2g} s of CPU for `romdam run` ({each})"
     return [
-        *([f"joints closed: {closed} Hz, undamped"] if closed else []),
+        *(
+            [f"reduced model, joints closed: {closed} Hz, undamped; `romdam modes` has the mesh's"]
+            if closed
+            else []
+        ),
         *check.solvers,
         f"{check.unknowns} unknowns; {time_text}, "
         f"{check.memory / 1e6:.0f} MB of memory, up to {check.file_size / 1e6:.0f} MB of results",

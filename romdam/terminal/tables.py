@@ -169,11 +169,11 @@ def check_tables(check: Check) -> list[Table]:
     blocks = _table(
         "Blocks",
         ("block", "element"),
-        ("nodes", "cells", "free DOFs", "retained DOFs", "modes", "joints open [Hz]"),
+        ("nodes", "cells", "free DOFs", "retained DOFs", "modes", "reduced, open [Hz]"),
     )
     for name, block in check.blocks.items():
         lowest = block.get("frequencies_hz", [])
-        frequencies = ", ".join(f"{f:.4g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
+        frequencies = ", ".join(f"{f:.3g}" for f in list(lowest)[:3]) if isinstance(lowest, list) else ""
         counts = (
             block.get(key, "-")
             for key in ("nodes", "cells", "free_dofs", "retained_dofs", "fixed_interface_modes")
@@ -182,9 +182,9 @@ def check_tables(check: Check) -> list[Table]:
     joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction [-]", "water [N]"))
     for name, joint in check.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
-    ties = _table("Ties", ("tie", "between"), ("nodes", "discretization"))
+    ties = _table("Ties", ("tie", "between"), ("nodes", "discretization", "faces apart [m]"))
     for name, tie in check.ties.items():
-        ties.add_row(name, *map(str, tie.values()))
+        ties.add_row(name, *(f"{v:.2g}" if isinstance(v, float) else str(v) for v in tie.values()))
     records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
     for name, record in check.records.items():
         records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))

@@ -21,6 +21,10 @@ from romdam.config.quantities import _COMMON, _EXAMPLES, _MOST, _registry, _regi
         ("8 GB", "byte", 8e9),
         ("1 rad", "degree", 57.29577951308232),
         ("5 %", "", 0.05),
+        ("150 pcf", "kg/m^3", 150 * 0.45359237 / 0.3048**3),  # NIST SP 811, appendix B
+        ("1 lbm", "kg", 0.45359237),
+        ("4 ksf", "Pa", 4e3 * 4.4482216152605 / 0.3048**2),
+        ("4000 psf", "Pa", 4e3 * 4.4482216152605 / 0.3048**2),
     ],
 )
 def test_quantities(text, unit, value):

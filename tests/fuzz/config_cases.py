@@ -308,7 +308,9 @@ def _matrices() -> dict[str, Any]:
     keys = ("stiffness", "mass", "damping", "unknowns", "inertia", "force")
     files: dict[str, Any] = dict.fromkeys(keys, "right.h5")
     more = {"nodes": "nodes.csv", "units": "m-kg-s", "total_mass": "2440 t", "tolerance": "1 mm"}
-    raw["blocks"]["right"]["matrices"] = files | more
+    raw["blocks"]["right"]["matrices"] = (
+        files | more | {"names": {key: key for key in keys if key != "unknowns"}}
+    )
     raw["outputs"]["stress"] = {"blocks": ["left"], "strength": "3 MPa"}
     return raw
 

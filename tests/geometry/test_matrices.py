@@ -93,6 +93,32 @@ def write_op4(folder, K, M, unknowns):
     return {"stiffness": "km.op4", "mass": "km.op4", "unknowns": "u.csv"}
 
 
+def write_extseout(folder, K, M, unknowns):
+    """As Nastran's EXTSEOUT does: several matrices in one .op4 file, rows and grid points in a .pch file."""
+    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    names = {"kxx": K.toarray(), "mxx": M.toarray(), "bxx1": np.zeros((1, 1)), "k4xx1": np.zeros((1, 1))}
+    op4.write(str(folder / "km.op4"), names)
+    nodes, first = np.unique(unknowns.node, return_index=True)
+    pairs = [f"{node:8d}{123:8d}" for node in nodes]
+    lines = [f"EXTRN   {''.join(pairs[:4])}"]
+    lines += [" " * 8 + "".join(pairs[k : k + 4]) for k in range(4, len(pairs), 4)]
+    for node, (x, y, z) in zip(nodes, unknowns.position[first], strict=True):
+        lines += [f"GRID*   {node:16d}{0:16d}{x:16.9E}{y:16.9E}", f"*       {z:16.9E}{0:16d}{0:16d}{0:16d}"]
+    (folder / "km.pch").write_text("\n".join(["$ EXTRN DATA", *lines, ""]))
+    keys = {"stiffness": "km.op4", "mass": "km.op4", "unknowns": "km.pch"}
+    return keys | {"names": {"stiffness": "KXX", "mass": "mxx"}}
+
+
+def write_named_hdf5(folder, K, M, unknowns):
+    """Matrices of other names than the keys', one of them in a group."""
+    with creating(folder / "b.h5") as file:
+        write_unknowns(file, unknowns)
+        write_matrix(file, "K_1", K)
+        write_matrix(file.create_group("free"), "M", M)
+    keys = dict.fromkeys(("stiffness", "mass", "unknowns"), "b.h5")
+    return keys | {"names": {"stiffness": "K_1", "mass": "free/M"}}
+
+
 def write_dmig(folder, K, M, unknowns):
     bulk = pytest.importorskip("pyyeti.nastran.bulk")
     import pandas as pd
@@ -113,7 +139,9 @@ WRITERS = {
     "abaqus": write_labels,
     "hdf5": write_hdf5,
     "dense hdf5": lambda *own: write_hdf5(*own, dense=True),
+    "named hdf5": write_named_hdf5,
     "op4": write_op4,
+    "extseout": write_extseout,
     "dmig": write_dmig,
 }
 
@@ -127,6 +155,55 @@ def test_every_format_gives_the_same_matrices(form, tmp_path):
     assert abs(own.M - M).max() <= digits * abs(M).max()
     assert (own.unknowns.labels == unknowns.labels).all()
     assert np.allclose(own.unknowns.position, unknowns.position, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("units", "length", "mass"),
+    [  # NIST Special Publication 811, appendix B: a pound-force is 4.4482216152605 N, a slug 14.59390 kg
+        ("in-lbf-s", 0.0254, 175.1268),
+        ("ft-lbf-s", 0.3048, 14.59390),
+        ("ft-slug-s", 0.3048, 14.59390),
+    ],
+)
+def test_matrices_in_customary_units(units, length, mass, tmp_path):
+    """Stiffness is force over length, the same as mass over time squared; mass is mass."""
+    K, M, unknowns = of_mesh()
+    in_file = replace(unknowns, position=unknowns.position / length)
+    own = read(tmp_path, units=units, **write_hdf5(tmp_path, K / mass, M / mass, in_file))
+    assert abs(own.K - K).max() <= 5e-7 * abs(K).max()  # digits of the factors above
+    assert abs(own.M - M).max() <= 5e-7 * abs(M).max()
+    assert np.allclose(own.unknowns.position, unknowns.position, rtol=0.0, atol=1e-12)
+
+
+def test_names_that_are_not_there_or_not_needed(tmp_path):
+    keys = write_extseout(tmp_path, *of_mesh())
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, **keys | {"names": {}})
+    assert "of which 2 begin with K, expected one; give `names`, such as {stiffness: KXX}" in str(
+        caught.value
+    )
+    with pytest.raises(MeshError, match=r"of which 0 are 'KAA', expected one"):
+        read(tmp_path, **keys | {"names": {"stiffness": "KAA"}})
+    keys = write_market(tmp_path, *of_mesh())
+    with pytest.raises(
+        MeshError, match=r"matrices\.names\.mass: .*M\.mtx holds one matrix, which has no name"
+    ):
+        read(tmp_path, **keys | {"names": {"mass": "M"}})
+
+
+def test_grid_points_that_move_in_another_system_are_refused(tmp_path):
+    keys = write_extseout(tmp_path, *of_mesh())
+    text = (tmp_path / "km.pch").read_text()
+    head, _, rest = text.partition("GRID*")
+    second = rest.index("\n*") + 2 + 7 + 16
+    (tmp_path / "km.pch").write_text(head + "GRID*" + rest[:second] + f"{10:16d}" + rest[second + 16 :])
+    with pytest.raises(
+        MeshError, match=r"GRID 10 is in coordinate system 0 and moves in 10, expected 0 and 0"
+    ):
+        read(tmp_path, **keys)
+    (tmp_path / "km.pch").write_text(text.replace("EXTRN ", "EXTRA "))
+    with pytest.raises(MeshError, match=r"km\.pch: has no EXTRN that can be read"):
+        read(tmp_path, **keys)
 
 
 @pytest.mark.parametrize("coding", ["utf-8-sig", "latin-1"])

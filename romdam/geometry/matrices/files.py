@@ -25,6 +25,9 @@ UNITS = {
     "mm-t-s": (1e-3, 1e3, 1.0),
     "mm-kg-ms": (1e-3, 1.0, 1e-3),
     "mm-kg-s": (1e-3, 1.0, 1.0),
+    "in-lbf-s": (0.0254, 4.4482216152605 / 0.0254, 1.0),  # a pound-force is 4.4482216152605 N
+    "ft-lbf-s": (0.3048, 4.4482216152605 / 0.3048, 1.0),
+    "ft-slug-s": (0.3048, 4.4482216152605 / 0.3048, 1.0),
 }
 """Length [m], mass [kg] and time [s] of each system of units."""
 
@@ -34,6 +37,7 @@ T = TypeVar("T")
 Numbered = tuple[Ints, Floats]
 """Numbers of nodes, and their positions (n, 3) [m]."""
 
+_NAMED = (".op4", ".pch", ".h5", ".hdf5")  # files that may hold several matrices
 _MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
     **dict.fromkeys((".mtx", ".sti", ".mas", ".dam", ".txt"), text.read_text),
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
@@ -43,6 +47,7 @@ _UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
     ".dof": text.read_dof,
     ".csv": text.read_csv,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_unknowns),
+    **dict.fromkeys((".pch", ".asm"), nastran.read_external),
 }
 
 
@@ -126,7 +131,17 @@ class _Reader:
     def entries(self, key: str) -> Entries:
         """The matrix of a key."""
         read = self._opened(key, _MATRICES)
-        return read(self.path(key), key, self.at(key))
+        return read(self.path(key), self.name(key) or key, self.at(key))
+
+    def name(self, key: str) -> str:
+        """The name that the configuration gives to the matrix of a key; empty where it gives none."""
+        name = str(getattr(self.config.names, key))
+        if name and self.path(key).suffix.lower() not in _NAMED:
+            raise MeshError(
+                f"{self.location}.names.{key}: {self.path(key)} holds one matrix, which has no name; files "
+                f"with names are {', '.join(_NAMED)}; leave it out"
+            )
+        return name
 
     def columns(self, key: str, shape: tuple[int, int]) -> Floats | None:
         """The vectors of a key (n, k); None where it is not there."""
@@ -136,7 +151,9 @@ class _Reader:
         path, location = self.path(key), self.at(key)
         hierarchical = path.suffix.lower() in (".h5", ".hdf5")
         columns = (
-            hdf5.read_columns(path, key, location) if hierarchical else text.read_columns(path, location)
+            hdf5.read_columns(path, self.name(key) or key, location)
+            if hierarchical
+            else text.read_columns(path, location)
         )
         if columns.shape != shape or not np.isfinite(columns).all():
             raise MeshError(

@@ -1,5 +1,8 @@
 """Nastran's matrices: OUTPUT4 (.op4), and DMIG in punch files (.pch), read by pyYeti.
 
+EXTSEOUT writes the matrices of an external superelement into an .op4 file, and EXTRN, which has the node and
+direction of every row in the matrices' order, and the grid points into .pch and .asm files.
+
 Not by pyNastran 1.4, which needs numpy 1. pyYeti 1.4 holds a DMIG as a dense table.
 """
 
@@ -13,7 +16,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from romdam.core.errors import MeshError, listed, quote
-from romdam.geometry.matrices.data import Entries, motion_of
+from romdam.geometry.matrices.data import INTERNAL, Entries, Unknowns, motion_of
 
 _LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
 _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
@@ -23,7 +26,11 @@ _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
 
 
 def read_nastran(path: Path, key: str, location: str) -> Entries:
-    """Read the matrix of a key: the only one in the file, or the only one named K..., M... or B...
+    """Read a matrix by its name, or that of a key: the only one in the file, or only one K..., M... or B...
+
+    Parameters
+    ----------
+    key : `stiffness`, `mass`, `damping`, or a name in the file, small or capital letters alike
 
     Raises
     ------
@@ -44,11 +51,17 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
             matrices = bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
         raise MeshError(f"{location}: cannot be read ({quote(str(error))}); write it anew") from error
-    fitting = [name for name in matrices if len(matrices) == 1 or name.upper().startswith(_LETTER[key])]
+    letter = _LETTER.get(key, "")
+    fitting = [
+        name
+        for name in matrices
+        if name.upper() == key.upper() or (letter and (len(matrices) == 1 or name.upper().startswith(letter)))
+    ]
     if len(fitting) != 1:
+        what = f"begin with {letter}" if letter else f"are {quote(key)}"
         raise MeshError(
-            f"{location}: has the matrices {listed(matrices)}, of which {len(fitting)} begin with "
-            f"{_LETTER[key]}, expected one; write one matrix into a file of its own"
+            f"{location}: has the matrices {listed(matrices)}, of which {len(fitting)} {what}, expected one; "
+            "give `names`, such as {stiffness: KXX}"
         )
     matrix = matrices[fitting[0]]
     if not hasattr(matrix, "index"):
@@ -68,3 +81,38 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
     entries = coo_array(matrix.to_numpy(dtype=float))
     labels[:, 1] = motion_of(labels[:, 1], location)
     return Entries(row[entries.row], column[entries.col], entries.data, labels=labels)
+
+
+def read_external(path: Path, location: str) -> Unknowns:
+    """Read the rows of an external superelement's matrices from EXTRN, and their positions from GRID.
+
+    Raises
+    ------
+    MeshError
+        without pyYeti, without EXTRN, and for grid points in another coordinate system than the basic one.
+    """
+    try:
+        with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
+            from pyyeti.nastran import bulk
+    except ImportError:
+        raise MeshError(
+            f"{location}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'"
+        ) from None
+    try:
+        rows = np.asarray(bulk.rdextrn(str(path), expand=True), dtype=np.int64).reshape(-1, 2)
+        read = bulk.rdgrids(str(path))
+        grids = np.zeros((0, 8)) if read is None else np.asarray(read, dtype=float).reshape(-1, 8)
+    except _DAMAGE as error:
+        raise MeshError(f"{location}: has no EXTRN that can be read ({quote(str(error))})") from error
+    point = {int(grid[0]): grid for grid in grids}
+    motion, position = motion_of(rows[:, 1], location), np.full((len(rows), 3), np.nan)
+    for k in np.flatnonzero(motion != INTERNAL).tolist():
+        if (grid := point.get(int(rows[k, 0]))) is None:
+            continue
+        if grid[1] or grid[5]:
+            raise MeshError(
+                f"{location}: GRID {rows[k, 0]} is in coordinate system {grid[1]:g} and moves in "
+                f"{grid[5]:g}, expected 0 and 0; let Nastran write it in the basic system"
+            )
+        position[k] = grid[2:5]
+    return Unknowns(rows[:, 0], motion, position)

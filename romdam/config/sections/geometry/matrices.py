@@ -16,7 +16,22 @@ from romdam.core.errors import listed
 if TYPE_CHECKING:
     from romdam.config.sections.job import Config
 
-UnitSystem = Literal["m-kg-s", "mm-t-s", "mm-kg-ms", "mm-kg-s"]
+UnitSystem = Literal["m-kg-s", "mm-t-s", "mm-kg-ms", "mm-kg-s", "in-lbf-s", "ft-lbf-s", "ft-slug-s"]
+
+
+class MatrixNames(Model):
+    """Names of matrices and vectors in files that hold several (.op4, .pch, .h5)."""
+
+    stiffness: str = ""
+    """K, such as KXX of Nastran's EXTSEOUT; the only one, or only one K..., where it is left out."""
+    mass: str = ""
+    """M, such as MXX; the only one, or only one M..., where it is left out."""
+    damping: str = ""
+    """C, such as BXX; the only one, or only one B..., where it is left out."""
+    inertia: str = ""
+    """M r in an .h5 file; `inertia` where it is left out."""
+    force: str = ""
+    """Static force in an .h5 file; `force` where it is left out."""
 
 
 class MatricesConfig(Model):
@@ -33,7 +48,10 @@ class MatricesConfig(Model):
     damping: Path | None = None
     """C, in place of Rayleigh damping of this block; it couples the modes."""
     unknowns: Path | None = None
-    """Node and direction of every row (.dof, .csv, .h5); not needed where the matrices' text has them."""
+    """Node and direction of every row (.dof, .csv, .h5, Nastran's .pch or .asm with EXTRN); not needed where
+    the matrices' text has them."""
+    names: MatrixNames = MatrixNames()
+    """Names of the matrices in files that hold several."""
     nodes: Path | None = None
     """Coordinates of numbered nodes (.csv, or a mesh file); the block's mesh file, if neither gives them."""
     inertia: Path | None = None
@@ -41,7 +59,8 @@ class MatricesConfig(Model):
     force: Path | None = None
     """Static force on every unknown, besides the loads of this file."""
     units: UnitSystem = "m-kg-s"
-    """Units of all these files: mm-t-s has N and MPa, mm-kg-ms kN and GPa, mm-kg-s mN and kPa."""
+    """Units of all these files: mm-t-s has N and MPa, mm-kg-ms kN and GPa, mm-kg-s mN and kPa; in-lbf-s has
+    masses of lbf s2/in, ft-lbf-s and ft-slug-s have slugs."""
     total_mass: Annotated[Mass, Field(gt=0.0)] | None = None
     """Mass that the block should have, in every direction; checked within a tenth."""
     tolerance: Tolerance = 1e-3
