@@ -7,7 +7,7 @@ OUT ?= results
 JOBS ?= 2
 NOTEBOOKS ?= force
 
-.PHONY: run test test-slow test-kernels test-docs lowest fuzz bench mutants peers campaign docs lint clean
+.PHONY: run test test-slow test-kernels test-docs lowest pythons fuzz bench mutants peers campaign docs lint clean
 
 run: $(VENV)/.installed
 	@$(BIN)/romdam run $(CONFIG) --out $(OUT)
@@ -45,6 +45,15 @@ $(VENV)-lowest/.installed: pyproject.toml .ci/lowest.py | $(VENV)/bin/python
 	$(VENV)-lowest/bin/python -m pip install -q --disable-pip-version-check --only-binary :all: --no-binary romdam \
 	  -c $(VENV)-lowest/constraints.txt -e ".[dev,suites]"
 	@touch $@
+
+# Other Pythons that are at hand: an example from a wheel in an empty environment, a minute each.
+PYTHONS ?= python3.12 python3.13
+pythons:
+	@for python in $(PYTHONS); do \
+	  $$python --version 2> /dev/null || { echo "$$python is not here"; continue; }; \
+	  rm -rf $(OUT)/python && $$python -m venv $(OUT)/python && $(OUT)/python/bin/python -m pip install -q . && \
+	  $(OUT)/python/bin/romdam init two_cantilevers --out $(OUT)/python/first && \
+	  $(OUT)/python/bin/romdam run $(OUT)/python/first/two_cantilevers.yaml --out $(OUT)/python/results || exit 1; done
 
 # Damaged records, meshes, configurations, caches, results, suites and disks, seeded: some minutes.
 fuzz: $(VENV)/.installed-dev
