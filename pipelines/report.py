@@ -80,7 +80,9 @@ def report_run(path: Path, system: UnitSystem = SI, *, pdf: bool = False, show: 
         attrs = result.dataset.attrs
         folder = path.parent / str(attrs[FOLDER]) if FOLDER in attrs else path.parent
         stated = json.loads(str(attrs["configuration"]))
-        config = parse_config(stated, f"{path}: configuration", folder=folder, si=True)
+        records = stated["records"] or [{"file": "motion given in Python", "components": {"x": 1}}]
+        source = f"{path}: configuration"
+        config = parse_config(stated | {"records": records}, source, folder=folder, si=True)
         with clock.stage("scene", "drawing the scene"):
             try:
                 drawn = _picture(build_scene(config, folder, str(path)), system)

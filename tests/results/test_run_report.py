@@ -8,6 +8,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from typer.testing import CliRunner
 
+import romdam
 from romdam.cli import app
 from romdam.config.load import load_config
 from romdam.config.stated import stated_keys
@@ -94,6 +95,21 @@ def test_the_page_and_the_document_are_written_beside_the_result(result):
     assert f"{opening:.3g} in" in page and "romdam report quake.nc --units us --pdf" in page
     assert {address[:5] for address in re.findall(r'src="([^"]+)', page)} == {"data:"}
     assert paths[1].read_bytes().startswith(b"%PDF")
+
+
+def test_a_sample_of_a_suite_has_its_parameters(result, job):
+    dataset = result.dataset.assign_attrs(parameter_friction=0.55)
+    assert cells(run_report(subject_of(dataset, job)), "Sample") == {"friction": ["0.55"]}
+
+
+def test_a_run_of_motions_from_python_has_a_report(tmp_path):
+    keys = load_config("configs/two_cantilevers.yaml").to_dict()
+    keys["transient"] = {"finest_step": "10 ms"}
+    keys["outputs"] = {"plots": False, "error_estimate": False, "mesh_error": False}
+    acc = 2.0 * np.sin(20.0 * np.arange(0.0, 1.0, 0.01))
+    motion = romdam.GroundMotion.from_arrays("pulse", {"y": acc}, dt=0.01)
+    (path,) = romdam.run(keys, tmp_path, motions=motion).paths
+    assert "motion given in Python" in report_run(path)[0].read_text(encoding="utf-8")
 
 
 def boxes(sheet):

@@ -18,6 +18,7 @@ from romdam.core.display_units import SI, UnitSystem, unit_text
 from romdam.core.round_off import NOTHING
 from romdam.postprocess.maxima import explained, maxima, peak_opening_time
 from romdam.postprocess.record_measures import stated_warnings
+from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.run_warnings import LEDGER_LIMIT
 from romdam.postprocess.sliding import sliding
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
@@ -165,6 +166,14 @@ def dam_section(subject: RunSubject) -> Section:
     )
     if "joint" in dataset:
         parts.append(_joints_table(subject))
+    sample: list[list[Value]] = [
+        [name.removeprefix(PARAMETER), f"{value:.6g}"]
+        for name, value in dataset.attrs.items()
+        if str(name).startswith(PARAMETER) and isinstance(value, float)
+    ]
+    parts.append(
+        Table(["parameter", "value [SI]"], sample, "Sample of a suite: in place of what the job states")
+    )
     parts.append(
         _keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
     )
