@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,11 +12,16 @@ import romdam
 from romdam.commands.options import STOPPED, Config, Quiet, Verbose
 from romdam.surroundings import search_what_comes
 
-Units = Literal["si", "us"]
-
 if TYPE_CHECKING:
     from romdam.config.load import Job
     from romdam.terminal import Stages, Terminal
+
+
+class Units(StrEnum):
+    """Units of the report of one run."""
+
+    si = "si"
+    us = "us"
 
 
 def run_suite(
@@ -111,7 +117,7 @@ def report(
             )
     stages, say = open_terminal(quiet, verbose)
     if one_run:
-        written = report_run(source, US if units == "us" else SI, pdf=pdf, show=stages)
+        written = report_run(source, US if units is Units.us else SI, pdf=pdf, show=stages)
     else:
         job = romdam.load_config(config) if config else None
         options = ReportOptions(response, intensity or "sa", tuple(threshold or ()))

@@ -22,6 +22,7 @@ from romdam.visual.style import COLOURS, GREY, scaled
 WIDTH = 4.8  # [in]
 _MOST_LINES = 300
 _PANELS = 4  # scales of a scatter
+_FLAT = 1e-3  # m of height, below which a joint is level
 
 
 def display_unit(
@@ -202,9 +203,13 @@ def sensitivity_figure(strength: xr.Dataset) -> Figure:
     return figure
 
 
-def height_figure(envelopes: xr.Dataset) -> Figure:
-    """Openings over height, a panel a joint: medians at every scale, the largest of all runs."""
-    names = [str(name) for name in envelopes.joint.values]
+def height_figure(envelopes: xr.Dataset) -> Figure | None:
+    """Openings over height, a panel a joint that has any: medians at every scale, the largest of all runs."""
+    height = {str(name): envelopes.gap_position.values[envelopes.gap_joint.values == name, 2]
+              for name in envelopes.joint.values}  # fmt: skip
+    names = [name for name, z in height.items() if np.ptp(z) > _FLAT]
+    if not names:
+        return None
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(WIDTH, 3.4 * rows if rows < 3 else 2.4 * rows), layout="constrained")
@@ -216,7 +221,7 @@ def height_figure(envelopes: xr.Dataset) -> Figure:
     for ax, name in zip(axes, names, strict=False):
         # lines of a joint: at each height the largest of the gaps there
         chosen = envelopes.gap_joint.values == name
-        z = envelopes.gap_position.values[chosen, 2]
+        z = height[name]
         levels = np.unique(np.round(z, 3))
         if len(levels) > 40:  # an irregular mesh has nearly as many heights as gaps
             edges = np.linspace(z.min(), z.max(), 31)

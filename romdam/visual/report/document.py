@@ -23,7 +23,17 @@ from matplotlib.textpath import text_to_path
 
 from romdam.core.files import replacing
 from romdam.core.printable import printable
-from romdam.visual.report.parts import Cell, Code, Part, Picture, Pictures, Report, Table, Text
+from romdam.visual.report.parts import (
+    Cell,
+    Code,
+    Part,
+    Picture,
+    Pictures,
+    Report,
+    Section,
+    Table,
+    Text,
+)
 from romdam.visual.style import GREY, STYLE
 
 A4, LETTER = (595.0, 842.0), (612.0, 792.0)  # points
@@ -33,7 +43,7 @@ _LEAST = 5.5  # points of letters of a table too wide for the sheet
 _LINE = 1.35  # height of a line over that of its letters
 _GAP, _PAD = 7.0, 2.2  # points between columns, and above and below a row
 _LEAST_DPI = 150  # of a picture, which is not drawn larger
-_MOST_HIGH = 0.8  # of a sheet that a picture may take
+_MOST_HIGH = 0.72  # of a sheet that a picture may take
 _SOFT = "#59636e"
 
 
@@ -117,7 +127,7 @@ def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
         if report.facts:
             _set_table(sheets, Table([], [[fact.name, fact.value] for fact in report.facts]))
         for section in report.sections:
-            sheets.need(8.0 * _LINE * _TEXT)  # a heading stays with what it is of
+            sheets.need(_beginning(sheets, section))  # a heading stays with what it is of
             sheets.y += _TEXT
             sheets.paragraph(section.title, _HEADING, bold=True)
             for part in section.shown:
@@ -143,13 +153,25 @@ def _set_part(sheets: _Sheets, part: Part) -> None:
             sheets.paragraph(line, _TEXT)
 
 
-def _set_picture(sheets: _Sheets, drawn: Picture) -> None:
-    """A picture as wide as the text, or as high as fits, and its caption."""
+def _beginning(sheets: _Sheets, section: Section) -> float:
+    """Height of a heading and of what must stand below it [points]."""
+    first = section.shown[0] if section.shown else None
+    below = _sized(sheets, first.all[0])[2] if isinstance(first, Pictures) else 0.0
+    return 8.0 * _LINE * _TEXT + below
+
+
+def _sized(sheets: _Sheets, drawn: Picture) -> tuple[np.ndarray, float, float]:
+    """The pixels of a picture, its width and its height: as wide as the text, or as high as fits [points]."""
     pixels = imread(io.BytesIO(drawn.png))
     high, wide = pixels.shape[:2]
     most = _MOST_HIGH * sheets.paper[1]
     width = min(sheets.width, most * wide / high, 72.0 * wide / _LEAST_DPI)
-    height = width * high / wide
+    return pixels, width, width * high / wide
+
+
+def _set_picture(sheets: _Sheets, drawn: Picture) -> None:
+    """A picture and its caption."""
+    pixels, width, height = _sized(sheets, drawn)
     sheets.need(height + 3.0 * _LINE * _SMALL)
     corner = _MARGIN / sheets.paper[0], 1.0 - (sheets.y + height) / sheets.paper[1]
     axes = sheets.all[-1].add_axes((*corner, width / sheets.paper[0], height / sheets.paper[1]))
@@ -168,6 +190,10 @@ def _set_table(sheets: _Sheets, table: Table) -> None:
     while widths.sum() > sheets.width - _GAP * (len(right) - 1) and size > _LEAST:
         size -= 0.5
         widths = _column_widths([*([head] if head else []), *rows], right, size, sheets.width)
+    room = sheets.width - _GAP * (len(right) - 1)
+    if widths.sum() > room:  # words of the head are cut, numbers are not
+        least = np.minimum(widths, _column_widths(rows, right, size, sheets.width))
+        widths = least + (widths - least) * max(room - least.sum(), 0.0) / (widths - least).sum()
     wide = float(widths.sum()) + _GAP * (len(right) - 1)
     caption = _LINE * _SMALL if table.caption else 0.0
     first = _heights([head, rows[0]], widths, size).sum() if head else 2.0 * _LINE * size

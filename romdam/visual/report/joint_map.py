@@ -13,9 +13,11 @@ from matplotlib.path import Path
 from matplotlib.tri import Triangulation
 
 from romdam.core.arrays import Floats, Ints
+from romdam.visual.joint_plots import joints_of_kinds
 from romdam.visual.style import GREY
 from romdam.visual.suite_plots import WIDTH, display_unit
 
+_ROW = 3  # joints of a row
 _HOLLOW = 3.0  # of the sum of two discs' radii: gaps farther apart have a hollow between them
 
 
@@ -26,18 +28,23 @@ def opening_map(envelopes: xr.Dataset) -> Figure:
     """
     names = [str(name) for name in envelopes.joint.values]
     planes = {n: plane_of(envelopes.gap_position.values[envelopes.gap_joint.values == n]) for n in names}
-    columns = min(4, len(names))
-    rows = -(-len(names) // columns)
-    height = 3.4 if rows == 1 else 2.6
-    shape = max(float(np.ptp(x) / max(np.ptp(y), 1e-9)) for x, y in planes.values())
-    width = columns * (height * shape + 0.5) + 1.3
-    size = (float(np.clip(width, 2.4, WIDTH)), height * rows)
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    kinds = joints_of_kinds(names) if len(names) > _ROW else {"": names}  # joints of a kind have like faces
+    rows = [of[k : k + _ROW] for of in kinds.values() for k in range(0, len(of), _ROW)]
+    columns = max(map(len, rows))
+    shape = {name: float(np.ptp(x) / max(np.ptp(y), 1e-9)) for name, (x, y) in planes.items()}
+    width = float(np.clip(columns * (3.4 * max(shape.values()) + 0.5) + 1.3, 2.4, WIDTH))
+    each = (width - 1.3) / columns - 0.4
+    heights = [float(np.clip(each / min(shape[name] for name in row), 0.3, 2.9)) + 0.5 for row in rows]
+    figure = Figure(figsize=(width, max(sum(heights), 2.4)), layout="constrained")
+    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=heights)
+    axes = {name: ax for row, row_axes in zip(rows, grid, strict=True)
+            for name, ax in zip(row, row_axes, strict=False)}  # fmt: skip
+    for ax in {*grid.ravel()} - {*axes.values()}:
+        ax.set_visible(False)
     factor, unit = display_unit(envelopes.opening, "m")
     peaks = factor * np.nanmax(envelopes.opening.values[-1], axis=0)
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
-    for ax, name in zip(axes, names, strict=False):
+    for name, ax in axes.items():
         chosen = envelopes.gap_joint.values == name
         across, up = planes[name]
         size = 2.0 * np.sqrt(envelopes.gap_area.values[chosen] / np.pi)
@@ -56,15 +63,13 @@ def opening_map(envelopes: xr.Dataset) -> Figure:
         ax.autoscale_view()
         ax.grid(visible=False)
         ax.set_aspect("equal")
-        ax.set_title(name)
-    for ax in axes[len(names) :]:
-        ax.set_visible(False)
-    for ax in axes[::columns]:
-        ax.set_ylabel("up [m]")
-    for ax in axes[max(0, len(names) - columns) : len(names)]:
-        ax.set_xlabel("across [m]")
+        ax.set_title(name, fontsize=8)
+    for row in rows:
+        axes[row[0]].set_ylabel("up [m]")
+    for name in rows[-1]:
+        axes[name].set_xlabel("across [m]")
     figure.colorbar(
-        ScalarMappable(norm, "viridis"), ax=list(axes), label=f"largest opening [{unit}]", shrink=0.8
+        ScalarMappable(norm, "viridis"), ax=list(grid.ravel()), label=f"largest opening [{unit}]", shrink=0.8
     )
     return figure
 

@@ -56,7 +56,8 @@ def responses_section(subject: Subject) -> Section | None:
     if "gap_peak_opening" in subject.summary:
         envelopes = opening_envelopes(subject.summary)
         count = int(envelopes["count"].sum())
-        heights = picture(plots.height_figure(envelopes), f"Openings over height; {count} runs.")
+        over_height = plots.height_figure(envelopes)
+        heights = picture(over_height, f"Openings over height; {count} runs.") if over_height else None
         largest = picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs.")
         parts.append(side_by_side(heights, largest))
     table = Table(head, rows, "Over all runs")
