@@ -228,13 +228,17 @@ class _Deck:
         make the surface unsound.
         """
         facets_of: dict[str, list[Ints]] = {"triangle": [], "quad": []}
-        others = 0
+        elements_of: dict[int, list[Ints]] = {}  # side -> elements
         for of, side in self.surfaces[name]:
             label = self.name("ELSET", of)
-            if label not in members and not of.isdecimal():
+            if label in members or of.isdecimal():
+                elements = members[label] if label in members else np.array([int(of)])
+                elements_of.setdefault(side, []).append(elements)
+            else:
                 self.unsound[name] = f"*SURFACE {name} is of {quote(of)}, which is not given"
-                continue
-            wanted = members[label] if label in members else np.array([int(of)])
+        others = 0
+        for side, parts in elements_of.items():
+            wanted = np.unique(np.concatenate(parts))
             solid = np.zeros(len(wanted), dtype=bool)
             count = 0
             for block in cells:
@@ -247,9 +251,10 @@ class _Deck:
                     facets_of["quad" if rows.shape[1] == 4 else "triangle"].append(rows)
                     count += len(rows)
             others += int(np.isin(wanted[~solid], known).sum())
-            if count < solid.sum() or not np.isin(wanted, known).all():
+            lacking = int(solid.sum()) - count + int((~np.isin(wanted, known)).sum())
+            if lacking:
                 self.unsound[name] = (
-                    f"*SURFACE {name}: {of}, S{side} is {len(wanted)} sides, of which {count} exist"
+                    f"*SURFACE {name}: S{side} of {len(wanted)} elements, {lacking} of which do not have it"
                 )
         if others:
             self.remarks.append(f"{others} sides of surface {name!r} are of no solid and are left out")

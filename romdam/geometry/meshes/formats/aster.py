@@ -32,7 +32,7 @@ from romdam.geometry.meshes.data import (
 
 _CELLS = {cell.aster: cell for cell in CELLS.values() if cell.aster}
 _ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)(\d+)")  # and its number of nodes
-_HEADER = re.compile(r"(\w+)\s*=\s*((?!\w+\s*=)\S*)")
+_HEADER = re.compile(r"\b(NOM|NB\w+|NUM\w*|AUTEUR|DATE)\s*=\s*((?!\w+\s*=)\S*)", re.IGNORECASE)
 _SECTIONS = ("TITRE", "COOR_1D", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO")
 
 
@@ -150,7 +150,7 @@ def _sections(lines: list[str]) -> Iterator[_Section]:
             ended = "FINSF" in text.upper().split()
         else:
             header = {key.upper(): value for key, value in _HEADER.findall(text)}
-            words = _HEADER.sub(" ", text).split()
+            words = _HEADER.sub(" ", text).replace("=", " ").split()
             section.name = section.name or header.get("NOM", "")
             ended = bool(words) and words[-1].upper() == "FINSF"
             section.words.extend(words[:-1] if ended else words)

@@ -142,27 +142,31 @@ class _Content:
         self.refuse_mixed_entities()
 
     def read_elements_22_binary(self, stream: Bytes) -> None:
-        """Read $Elements of version 2.2 from bytes."""
+        """Read $Elements of version 2.2 from bytes; some writers put a header before every element."""
         total, done = stream.count_line(), 0
+        rows: dict[tuple[int, int], list[Ints]] = {}
         while done < total:
             kind, count, tags = counts(stream, 3)
             if count < 1 or tags < 0:
                 raise ValueError(f"$Elements has a header of {count} elements with {tags} tags")
             width = 1 + tags + _size(kind)
-            self.add_22(kind, stream.ints(count * width, "int").reshape(count, width), tags)
+            rows.setdefault((kind, tags), []).append(stream.ints(count * width, "int").reshape(count, width))
             done += count
         _compare(done, total, "Elements")
+        for (kind, tags), parts in rows.items():
+            self.add_22(kind, np.concatenate(parts), tags)
         self.refuse_mixed_entities()
 
     def read_elements_1(self, stream: Numbers) -> None:
         """Read $ELM of version 1: number, type, physical group, entity, count of nodes and nodes."""
-        (total,) = counts(stream, 1)
-        for _ in range(total):
+        rows: dict[int, list[list[int]]] = {}
+        for _ in range(counts(stream, 1)[0]):
             number, kind, group, entity, count = counts(stream, 5)
-            row = np.array([[number, group, entity, *counts(stream, count)]])
             if count != _size(kind):
                 raise ValueError(f"$ELM gives element {number} of type {kind} {count} nodes")
-            self.add_22(kind, row, 2)
+            rows.setdefault(kind, []).append([number, group, entity, *counts(stream, count)])
+        for kind, elements in rows.items():
+            self.add_22(kind, np.array(elements, dtype=np.int64), 2)
 
     def add_22(self, kind: int, rows: Ints, tags: int) -> None:
         """Add rows of number, tags (physical group, entity, ...) and nodes."""

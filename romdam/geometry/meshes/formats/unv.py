@@ -119,6 +119,9 @@ class _Content:
         """
         k = 0
         while k < len(lines):
+            if not lines[k].text.strip():  # some write a line for the members of an empty group
+                k += 1
+                continue
             count = lines[k].whole(6)[-1]
             _, name = _record(lines, k, 2)
             taken = _record(lines, k + 2, -(-count * width // 8))
