@@ -88,7 +88,6 @@ ONLY_IN = {
     "rich": {"terminal"},
     "pydantic": {"config"},
     "pint": {"config"},
-    "meshio": {"geometry", "results"},
     "pyvista": {"visual"},
 }
 

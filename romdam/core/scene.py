@@ -64,7 +64,7 @@ class Block:
     name : unique in the scene
     element : its name in `romdam.geometry.elements`
     points : (n, 3) node positions [m]
-    cells : (nc, nodes per cell) node numbers in the VTK order (the order of meshio)
+    cells : (nc, nodes per cell) node numbers in the VTK order
     material : of every cell
     faces : name -> (nf, nodes per facet) node numbers of facets, VTK order, outward
     absorbing : faces that take waves up, see `romdam.fem.absorbing`

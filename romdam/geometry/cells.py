@@ -16,7 +16,7 @@ class Cell:
 
     Attributes
     ----------
-    name : in meshio
+    name : in meshio and meshlane
     dim, nodes : dimension and number of nodes
     vtk, gmsh : numbers of the type; None where the format has none
     abaqus : whether Abaqus has a solid C3D<nodes>, or a shell, of so many nodes

@@ -3,7 +3,7 @@
 Everything that is known of an element stands in its line of `ELEMENTS`; readers, checks, facets, stress and
 export ask it. A new one is a line here and its name in `romdam.config.sections.places.ElementName`.
 
-Node orders are VTK's (and meshio's). Shape functions follow from the tables alone, N = p(xi) V^-1
+Node orders are VTK's. Shape functions follow from the tables alone, N = p(xi) V^-1
 with V the monomials at the nodes, so there is one code for every element.
 """
 

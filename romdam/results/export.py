@@ -7,27 +7,19 @@ field data under the name of every block, that number: ParaView, PyVista and mes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.files import replacing
-from romdam.geometry.elements import ELEMENTS
-from romdam.geometry.meshes.kinds import kinds_of
 from romdam.results.fields import Result
 from romdam.results.series import Frames, frame_times
-
-if TYPE_CHECKING:
-    import meshio
+from romdam.results.vtu import mesh_of, write_vtu
 
 Progress = Callable[[int, int], None]
-
-_CORNERS_ONLY = {"wedge15", "pyramid13"}  # which meshio 5.3 cannot write: their cells have straight edges
 
 
 def write_series(result: Result, folder: Path, stem: str, frames: Frames, progress: Progress) -> Path:
@@ -66,39 +58,6 @@ def write_series(result: Result, folder: Path, stem: str, frames: Frames, progre
             f"{head}\n  <Collection>\n{rows}\n  </Collection>\n</VTKFile>\n", encoding="utf-8"
         )
     return path
-
-
-def write_vtu(mesh: meshio.Mesh, blocks: Iterable[str], path: Path) -> Path:
-    """Write a mesh of `mesh_of` with the names of its blocks, which meshio reads but does not write.
-
-    They are numbers under the blocks' names: texts in field data meshio refuses to read.
-    """
-    rows = "".join(
-        f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}</DataArray>\n'
-        for k, name in enumerate(blocks)
-    )
-    with replacing(path) as unfinished:
-        mesh.write(unfinished, file_format="vtu")
-        head, mark, rest = unfinished.read_bytes().partition(b"<UnstructuredGrid>")
-        unfinished.write_bytes(head + mark + f"\n<FieldData>\n{rows}</FieldData>".encode() + rest)
-    return path
-
-
-def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> meshio.Mesh:
-    """Meshes of blocks (points, element, cells), one after another, with cell data `block`."""
-    import meshio
-
-    points, cells, number, first = [], [], [], 0
-    for k, (at, element, cell_nodes) in enumerate(blocks):
-        points.append(at)
-        kinds = [
-            (ELEMENTS[kind.linear] if kind.name in _CORNERS_ONLY else kind, rows, nodes)
-            for kind, rows, nodes in kinds_of(element, cell_nodes)
-        ]
-        cells += [(kind.cell.name, nodes[:, : kind.cell.nodes] + first) for kind, _, nodes in kinds]
-        number += [np.full(len(nodes), k, dtype=np.int32) for _, _, nodes in kinds]
-        first += len(at)
-    return meshio.Mesh(np.concatenate(points), cells, cell_data={"block": number})
 
 
 def _at_all_nodes(result: Result, values: dict[str, Floats]) -> Floats:

@@ -18,7 +18,7 @@ from romdam.core.errors import ResultError
 from romdam.core.scene import Scene
 from romdam.postprocess.measured_modes import MeasuredMode
 from romdam.results.dataset import job_labels, library_versions
-from romdam.results.export import mesh_of, write_vtu
+from romdam.results.vtu import mesh_of, write_vtu
 
 AXES = ("x", "y", "z")
 _NUMBER = {"units": "1"}

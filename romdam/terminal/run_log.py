@@ -28,7 +28,7 @@ _STAMP = "%Y-%m-%dT%H:%M:%S%z"
 _LONGEST = 100  # characters of the configuration's name in that of the log
 _LIBRARIES = (
     "numpy", "scipy", "numba", "h5py", "h5netcdf", "xarray", "pydantic", "obspy", "matplotlib",
-    "meshio", "pypardiso", "pyamg", "distributed", "pyvista",
+    "pypardiso", "pyamg", "distributed", "pyvista",
 )  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from romdam.fem.loads import surface_force, thermal_force
 from romdam.fem.stress import stress_operator
 from romdam.geometry.facets import area_vectors, boundary_facets, facet_areas, gap_weights, second_moments
 from romdam.geometry.meshes.kinds import MIXED, kinds_of
-from romdam.results.export import mesh_of
+from romdam.results.vtu import mesh_of, write_vtu
 
 LAM, MU = 30e9 * 0.18 / (1.18 * 0.64), 30e9 / 2.36
 A = np.random.default_rng(8).standard_normal((3, 3)) * 1e-4
@@ -153,11 +153,16 @@ def test_wedges_are_not_cut(make):
 
 
 @pytest.mark.parametrize("name", MIXED)
-def test_files_and_pictures_have_the_kinds(name):
+def test_files_and_pictures_have_the_kinds(name, tmp_path):
     block = read(f"{name}.msh")
     written = mesh_of([(block.points, block.element, block.cells)])
-    assert sum(len(cells.data) for cells in written.cells) == 12 and len(written.cells) == 4
-    pytest.importorskip("pyvista")
+    assert sum(len(nodes) for _, nodes in written.cells) == 12 and len(written.cells) == 4
+    pyvista = pytest.importorskip("pyvista")
+    in_file = pyvista.read(write_vtu(written, ["b"], tmp_path / "b.vtu"))
+    assert in_file.n_cells == 12 and in_file.compute_cell_sizes()["Volume"].sum() == pytest.approx(
+        8.0, rel=1e-6
+    )
+    assert in_file.compute_cell_sizes()["Volume"].min() > 0.0
     from romdam.visual.rendering import grid
 
     drawn = grid(block.element, block.points, block.cells)

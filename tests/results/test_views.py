@@ -20,9 +20,10 @@ from romdam.geometry.elements import SOLIDS
 from romdam.pipelines.views import PlotOptions, plot_result, show_scene
 from romdam.postprocess.maxima import AS_DISPLACEMENT, HEAD, INSTANT, explained, maxima
 from romdam.results import series
-from romdam.results.export import mesh_of, write_series, write_vtu
+from romdam.results.export import write_series
 from romdam.results.series import Frames, dam_blocks, frame_times, worst_displacement_time
 from romdam.results.table import write_maxima
+from romdam.results.vtu import mesh_of, write_vtu
 from romdam.terminal.tables import peaks_table
 from romdam.visual import field_views, rendering
 
