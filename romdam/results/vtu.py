@@ -19,7 +19,7 @@ import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.files import replacing
-from romdam.geometry.cells import Cell
+from romdam.geometry.elements import Element
 from romdam.geometry.meshes.kinds import kinds_of
 
 _TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}  # of numpy, little-endian
@@ -32,13 +32,13 @@ class Grid:
     Attributes
     ----------
     points : (n, 3)
-    cells : kind of cell, and nodes (k, nodes of the kind) of each
+    cells : element, and nodes (k, nodes of the element) of its cells
     block : (cells,) number of each cell's block
     point_data : name -> (n,) or (n, components)
     """
 
     points: Floats
-    cells: list[tuple[Cell, Ints]]
+    cells: list[tuple[Element, Ints]]
     block: Ints
     point_data: dict[str, Floats] = field(default_factory=dict)
 
@@ -46,13 +46,13 @@ class Grid:
 def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> Grid:
     """Meshes of blocks (points, element, cells), one after another."""
     points: list[Floats] = []
-    cells: list[tuple[Cell, Ints]] = []
+    cells: list[tuple[Element, Ints]] = []
     number: list[Ints] = []
     first = 0
     for k, (at, element, cell_nodes) in enumerate(blocks):
         points.append(at)
         for kind, _, nodes in kinds_of(element, cell_nodes):
-            cells.append((kind.cell, nodes + first))
+            cells.append((kind, nodes + first))
             number.append(np.full(len(nodes), k))
         first += len(at)
     return Grid(np.concatenate(points), cells, np.concatenate(number))
@@ -61,8 +61,8 @@ def mesh_of(blocks: Iterable[tuple[Floats, str, Ints]]) -> Grid:
 def write_vtu(grid: Grid, blocks: Iterable[str], path: Path) -> Path:
     """Write a grid; field data has the number of every block under its name."""
     nodes = [cell_nodes for _, cell_nodes in grid.cells]
-    sizes = [np.full(len(cell_nodes), cell.nodes) for cell, cell_nodes in grid.cells]
-    types = [np.full(len(cell_nodes), cell.vtk, dtype="<u1") for cell, cell_nodes in grid.cells]
+    sizes = [np.full(len(cell_nodes), kind.cell.nodes) for kind, cell_nodes in grid.cells]
+    types = [np.full(len(cell_nodes), kind.cell.vtk, dtype="<u1") for kind, cell_nodes in grid.cells]
     numbers = "".join(
         f'<DataArray type="Int32" Name={quoteattr(name)} NumberOfTuples="1" format="ascii">{k}</DataArray>\n'
         for k, name in enumerate(blocks)
