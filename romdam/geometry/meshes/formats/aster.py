@@ -32,7 +32,7 @@ from romdam.geometry.meshes.data import (
 
 _CELLS = {cell.aster: cell for cell in CELLS.values() if cell.aster}
 _ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)(\d+)")  # and its number of nodes
-_HEADER = re.compile(r"\b(NOM|NB\w+|NUM\w*|AUTEUR|DATE)\s*=\s*((?!\w+\s*=)\S*)", re.IGNORECASE)
+_HEADER = re.compile(r"\b(NOM|NOBJ|NB\w+|NUM\w*|AUTEUR|DATE|FORMAT)\s*=\s*((?!\w+\s*=)\S*)", re.IGNORECASE)
 _SECTIONS = ("TITRE", "COOR_1D", "COOR_2D", "COOR_3D", "GROUP_MA", "GROUP_NO")
 
 
