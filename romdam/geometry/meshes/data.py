@@ -139,13 +139,15 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
     tags, far, moved = tags[kept], far[kept], moved[kept]
     points = np.where((moved | far)[:, None], np.nan, points[kept])
     order = np.argsort(tags, kind="stable")
+    known = tags[order]
     ids, counts = np.unique(
         np.concatenate([np.zeros(0, np.int64), *(c.ids for c in cells)]), return_counts=True
     )
+    again = ids[counts > 1]
     numbered, faults = [], []
     for kind, c in enumerate(cells):
-        place = np.minimum(np.searchsorted(tags[order], c.nodes), len(tags) - 1)
-        lost = tags[order][place] != c.nodes
+        place = np.minimum(np.searchsorted(known, c.nodes), len(known) - 1)
+        lost = known[place] != c.nodes
         nodes = np.where(lost, -1, order[place])
         ordered = np.sort(c.nodes, axis=1)
         repeated: Bools = (ordered[:, 1:] == ordered[:, :-1]) & (c.dim == 3)
@@ -154,7 +156,7 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
             (moved[nodes] & ~lost, "uses node {node}, which is given twice, at two positions"),
             (far[nodes] & ~lost, f"uses node {{node}}, expected finite coordinates up to {_FARTHEST:g}"),
             (repeated, "names a node twice: it is collapsed; mesh with full hexahedra or tetrahedra"),
-            (np.isin(c.ids, ids[counts > 1])[:, None], "has a number that is given twice"),
+            (np.isin(c.ids, again)[:, None], "has a number that is given twice"),
         ):
             rows = np.flatnonzero(wrong.any(axis=1))
             if len(rows):

@@ -185,12 +185,20 @@ def _with_facets(file: MeshFile) -> MeshFile:
         for label, rows_of in file.groups.items():
             if file.cells[fault.kind].dim == 2 and np.isin(fault.rows, rows_of[fault.kind]).any():
                 unsound[label] = fault.reason
-    for k, cells in enumerate(file.cells):
+    corners_of = {
+        k: cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
+        for k, cells in enumerate(file.cells)
+        if cells.dim == 2
+    }
+    on_faces: dict[int, Bools] = {}
+    for width in {corner.shape[1] for corner in corners_of.values()}:
+        kinds = [k for k, corner in corners_of.items() if corner.shape[1] == width]
+        ends = np.cumsum([len(corners_of[k]) for k in kinds])[:-1]
+        on = _on_faces(file, np.concatenate([corners_of[k] for k in kinds]))
+        on_faces |= dict(zip(kinds, np.split(on, ends), strict=True))
+    for k, corner in corners_of.items():
+        cells, off = file.cells[k], ~on_faces[k]
         members = {label: members_of[k] for label, members_of in file.groups.items() if len(members_of[k])}
-        if cells.dim != 2 or not members:
-            continue
-        corner = cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners]
-        off = ~_on_faces(file, corner)
         for label, members_of in members.items():
             lost = members_of[off[members_of]]
             bad = lost[solid[corner[lost]].all(axis=1)]
