@@ -27,7 +27,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.error.comparison import coinciding
 from romdam.error.mesh_stress import MeshStress, face_errors, mesh_stress, section_errors
-from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, opening_error, scaled
+from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, opening_error, opening_peaks, scaled
 from romdam.error.statement import ErrorStatement, percent
 from romdam.geometry.elements import ELEMENTS
 from romdam.postprocess.stress.summary import StressSummary
@@ -94,7 +94,8 @@ def discretisation(
     """State what the mesh and its contact points change in a run, for every joint and output node.
 
     Openings and slips are compared joint by joint at gaps that both meshes have, forces as resultants of
-    joints, stress by percentiles of faces outside the ring of `run`. Joints without such a gap are named in
+    joints, stress by percentiles of faces outside the ring of `run`. Peaks are those of all places, since the
+    largest values of two meshes may agree by chance. Joints without such a gap are named in
     the details.
 
     Parameters
@@ -123,7 +124,7 @@ def discretisation(
     factor = OVER_FINER if finer else OVER_COARSER
     factor_of = dict.fromkeys(_MOVING, OVER_COARSER_QUADRATIC if run.quadratic and not finer else factor)
     jump, other = judged.history.jump[:, rows], better.history.jump[:, pair]
-    errors = {"opening": opening_error(jump[..., NORMAL], other[..., NORMAL], joints)}
+    errors = {"opening": opening_error(jump[..., NORMAL], other[..., NORMAL], joints, opening_peaks)}
     if jump.shape[2] > 1:
         errors["slip"] = _by_joint(jump[..., SHEAR_J:], other[..., SHEAR_J:], joints)
         errors["residual_slip"] = _residual_slips(judged, better)
@@ -135,9 +136,10 @@ def discretisation(
             getattr(result.history, name).reshape(len(result.history.time), -1, 3)
             for result in (judged, better)
         ]
-        errors[quantity] = magnitude_error(*pairs)
+        errors[quantity] = magnitude_error(*pairs, peaks=True)
         for k, node in enumerate(run.nodes):
-            error = scaled(magnitude_error(pairs[0][:, k], pairs[1][:, k]), factor_of.get(quantity, factor))
+            of_node = magnitude_error(pairs[0][:, k], pairs[1][:, k], peaks=True)
+            error = scaled(of_node, factor_of.get(quantity, factor))
             nodes.setdefault(node, {})[quantity] = error.plain
     if run.nodes:
         errors["response_spectrum"] = magnitude_error(judged.spectra, better.spectra)
@@ -202,7 +204,7 @@ def _sentence(
     size = "half" if details["sibling"] == "finer" else "twice"
     return (
         f"The mesh and its contact points change the openings by about {percent(opening.l2)} in L2 and the "
-        f"largest one by {percent(opening.peak)}{''.join(resolved)}{stress}{histories}: "
+        f"peaks by {percent(opening.peak)}{''.join(resolved)}{stress}{histories}: "
         f"{details['error_over_difference']} of the difference to elements of {size} the size "
         f"({details['unknowns_sibling']} unknowns for {details['unknowns']}), {about['seconds']:g} s of "
         f"{about['record']}."
@@ -221,8 +223,10 @@ def _plural(name: str) -> str:
 
 def _by_joint(values: Floats, better: Floats, joints: Mapping[str, slice]) -> RelativeError:
     """Error of histories (nt, ng, ...), all together and joint by joint."""
-    each = {name: magnitude_error(values[:, gaps], better[:, gaps]) for name, gaps in joints.items()}
-    return replace(magnitude_error(values, better), joints=each)
+    each = {
+        name: magnitude_error(values[:, gaps], better[:, gaps], peaks=True) for name, gaps in joints.items()
+    }
+    return replace(magnitude_error(values, better, peaks=True), joints=each)
 
 
 def _residual_slips(judged: MeshRun, better: MeshRun) -> RelativeError:
@@ -252,7 +256,8 @@ def _forces(judged: MeshRun, better: MeshRun) -> RelativeError:
     values, wanted = (_each_joint(result, _normal_force) for result in (judged, better))
     every = np.stack(list(wanted.values()), axis=1)
     each = {name: magnitude_error(values[name], wanted[name], every) for name in wanted}
-    return replace(magnitude_error(np.stack(list(values.values()), axis=1), every), joints=each)
+    all_joints = magnitude_error(np.stack(list(values.values()), axis=1), every, peaks=True)
+    return replace(all_joints, joints=each)
 
 
 def _normal_force(run: MeshRun, gaps: slice) -> Floats:

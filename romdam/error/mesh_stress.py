@@ -162,7 +162,7 @@ def section_errors(
     )
     components = {"section_force": slice(0, 3), "section_moment": slice(3, 6)}
     errors = {
-        quantity: scaled(magnitude_error(values[..., c], wanted[..., c]), factor)
+        quantity: scaled(magnitude_error(values[..., c], wanted[..., c], peaks=True), factor)
         for quantity, c in components.items()
     }
     sections: dict[str, dict[str, dict[str, object]]] = {name: {} for name in names}
@@ -171,6 +171,6 @@ def section_errors(
     parts["moment"] = (slice(3, 6), slice(3, 6))
     for k, name in enumerate(names):
         for quantity, (c, scale) in parts.items():
-            error = magnitude_error(values[:, k, c], wanted[:, k, c], wanted[:, k, scale])
+            error = magnitude_error(values[:, k, c], wanted[:, k, c], wanted[:, k, scale], peaks=True)
             sections[name][quantity] = scaled(error, factor).plain
     return errors, sections

@@ -7,6 +7,9 @@ same places i (gaps, or components of displacement). Both measures are relative 
     peak        |max_ti |x| - max_ti |y|| / max_ti |y|
     peak of     |max_ti x - max_ti y| / max_ti y, of openings, since how far a joint opens is what is asked;
     openings    over max_ti |y| where no gap opens
+    peaks       the peak's, or if it is larger the root mean square over i of what max_t |x_i| and
+                max_t |y_i| (of openings max_t x_i and max_t y_i) differ by, relative to that of the latter:
+                two meshes whose largest value agrees by chance have others that do not
     bound of    max |x - y| / max_ti y, over the times and gaps at which x or y is within NEAR of the largest
     the peak    opening: two peaks may agree by chance, or lie at other instants; this is never less
 
@@ -68,6 +71,12 @@ def peak_bound(opening: Floats, better: Floats, least: float = 0.0) -> float:
     return _over(float(np.abs(opening - better)[near].max()), max(largest, least))
 
 
+def opening_peaks(opening: Floats, better: Floats, least: float = 0.0) -> float:
+    """Peaks of openings (nt, ng) [m], relative to `least` or more, see the module."""
+    own = _own_peaks(opening.max(axis=0), better.max(axis=0), least)
+    return max(opening_peak(opening, better, least), own)
+
+
 def largest_difference(values: Floats, better: Floats) -> float:
     """max |x - y| / max |y|, wherever each is found."""
     return _over(float(np.abs(values - better).max(initial=0.0)), float(np.abs(better).max(initial=0.0)))
@@ -85,7 +94,7 @@ def opening_error(
     ----------
     opening, better : (nt, ng) [m]
     joints : name -> slice of its gaps
-    peak : `opening_peak`, or `peak_bound`
+    peak : `opening_peak`, `opening_peaks` or `peak_bound`
     """
     mean = FLOOR * float(np.linalg.norm(better)) / np.sqrt(max(better.size, 1))
     least = FLOOR * _largest(better)
@@ -98,20 +107,26 @@ def opening_error(
     return replace(of_gaps(slice(None)), joints=each)
 
 
-def magnitude_error(values: Floats, better: Floats, scale: Floats | None = None) -> RelativeError:
+def magnitude_error(
+    values: Floats, better: Floats, scale: Floats | None = None, *, peaks: bool = False
+) -> RelativeError:
     """Compare histories whose sign says only where to.
 
     Parameters
     ----------
     values, better : (nt, ...) [m]
     scale : (nt, nc) [m] what the same node does in every direction, if the histories are one of them
+    peaks : whether the peak is that of all places, see the module
     """
     largest, peak = (float(np.abs(history).max(initial=0.0)) for history in (values, better))
     mean = least = 0.0
     if scale is not None:
         mean = FLOOR * float(np.linalg.norm(scale, axis=0).max()) / np.sqrt(len(scale))
         least = FLOOR * float(np.abs(scale).max())
-    return RelativeError(relative_l2(values, better, mean), _over(largest - peak, max(peak, least)))
+    off = _over(largest - peak, max(peak, least))
+    if peaks:
+        off = max(off, _own_peaks(np.abs(values).max(axis=0), np.abs(better).max(axis=0), least))
+    return RelativeError(relative_l2(values, better, mean), off)
 
 
 def scaled(error: RelativeError, factor: float) -> RelativeError:
@@ -139,6 +154,12 @@ def _largest(opening: Floats) -> float:
     """The largest opening, or the largest jump where no gap opens [m]."""
     peak = float(opening.max())
     return peak if peak > 0.0 else float(np.abs(opening).max())
+
+
+def _own_peaks(largest: Floats, better: Floats, least: float) -> float:
+    """Root mean square of what the places' largest values differ by, over that of the better ones."""
+    size = max(float(np.linalg.norm(better)), least * np.sqrt(better.size))
+    return _over(float(np.linalg.norm(largest - better)), size)
 
 
 def _over(difference: float, size: float) -> float:

@@ -14,6 +14,7 @@ from romdam.error.metrics import (
     magnitude_error,
     opening_error,
     opening_peak,
+    opening_peaks,
     peak_bound,
     relative_l2,
 )
@@ -51,6 +52,18 @@ def test_sign_counts_in_openings_and_not_in_displacements():
     assert magnitude_error(values, better).peak == pytest.approx(0.5)
     assert magnitude_error(values, better).l2 == pytest.approx(1.0 / np.sqrt(5.0))
     assert largest_difference(values, better) == pytest.approx(0.5)
+
+
+def test_peaks_of_all_places_differ_where_the_largest_agrees_by_chance():
+    """Largest openings 3, 4, 0 against 2, 4, 0, in other rows: 1 over sqrt(20), where the largest agrees."""
+    better = np.array([[2.0, 0.0, -1.0], [0.0, 4.0, 0.0]])
+    values = np.array([[0.0, 4.0, 0.0], [3.0, 0.0, -9.0]])
+    assert opening_peak(values, better) == 0.0
+    assert opening_peaks(values, better) == pytest.approx(1.0 / np.sqrt(20.0))
+    assert opening_peaks(1.5 * values, better) == pytest.approx(np.hypot(2.5, 2.0) / np.sqrt(20.0))
+    assert opening_peaks(values, better, 10.0) == pytest.approx(1.0 / np.sqrt(300.0))
+    assert magnitude_error(values, better).peak == pytest.approx(5.0 / 4.0)
+    assert magnitude_error(values, better, peaks=True).peak == pytest.approx(np.sqrt(65.0) / np.sqrt(21.0))
 
 
 def test_peaks_that_agree_by_chance_are_bounded_by_what_differs_near_them():

@@ -18,7 +18,10 @@ from romdam.core.arrays import Floats
 from romdam.linalg.dense import eigh
 from romdam.linalg.solvers import Solver
 
-FINER_VECTORS = 20  # residual vectors beside a basis that the estimate of its error compares with
+# Residual vectors beside a basis that the estimate of its error compares with: of two cantilevers with 20
+# to 231 modes, with and without friction, 20 of them state 0.1 to 1.2 of the truth, 40 0.5 to 1.4, and 60
+# 0.6 to 1.5, at the same cost.
+FINER_VECTORS = 60
 ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
 _SAME = 1e-5  # relative, of frequencies squared that count as one
 
