@@ -6,7 +6,7 @@ the size. Prints a Markdown table: for every quantity the stated error, from the
 sibling, over the true one, in L2 and at the peak. Rows of every face and section follow, where L2 is of all
 percentiles of a face and the peak is the 98 % value. What the statement names as not resolved is in brackets.
 
-    python tests/reference/mesh_truth.py [--case TEXT] [--seconds 8]
+    python tests/reference/mesh_truth.py [--case TEXT] [--record NAME] [--seconds 8]
 """
 
 from __future__ import annotations
@@ -223,6 +223,7 @@ class Counts:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--case", default="", help="only cases whose names hold this")
+    parser.add_argument("--record", default="", help="only records whose names hold this")
     parser.add_argument("--seconds", type=float, default=8.0)
     arguments = parser.parse_args()
     print(
@@ -231,7 +232,9 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     counts = Counts()
     for case in CASES:
-        for record in RECORDS if arguments.case in case else ():
+        for record in RECORDS:
+            if arguments.case not in case or arguments.record not in record:
+                continue
             for line in measure(case, record, arguments.seconds):
                 print(line, flush=True)
                 counts.add(line)
