@@ -108,6 +108,16 @@ def test_a_name_as_long_as_names_can_be_is_written(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
+    """A device such as /dev/null once became a file."""
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(WriteError, match="pipe: cannot be written, it is there and is no regular file"):
+        with replacing(tmp_path / "pipe"):
+            pass
+    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode) and os.listdir(tmp_path) == ["pipe"]
+
+
 def test_a_folder_that_takes_no_files_is_named_before_anything_is_computed(tmp_path):
     (tmp_path / "loop").symlink_to("loop")
     with pytest.raises(ResultError, match="loop: the output folder cannot be made or written") as caught:

@@ -40,8 +40,11 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
     Raises
     ------
     WriteError
-        where the operating system refuses the file, or has no room for it.
+        where the operating system refuses the file, or has no room for it, and for what is there and is no
+        file, such as a device: it would be replaced by one.
     """
+    if path.exists() and not path.is_file():
+        raise WriteError(f"{path}: cannot be written, it is there and is no regular file; give another path")
     free = float("inf")
     if size:
         with suppress(OSError):  # the writing itself says what is wrong
