@@ -112,9 +112,9 @@ def test_a_name_as_long_as_names_can_be_is_written(tmp_path):
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
     """A device such as /dev/null once became a file."""
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(WriteError, match="pipe: cannot be written, it is there and is no regular file"):
-        with replacing(tmp_path / "pipe"):
-            pass
+    refused = pytest.raises(WriteError, match="pipe: cannot be written, it is there and is no regular file")
+    with refused, replacing(tmp_path / "pipe"):
+        pass
     assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode) and os.listdir(tmp_path) == ["pipe"]
 
 
