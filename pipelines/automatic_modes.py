@@ -15,6 +15,7 @@ from romdam.reduction.storage.model_file import BlockStore
 
 FIRST = 20  # modes of each block
 GROWTH = 1.5  # of that number
+VECTORS = 20  # residual vectors of each block, where the job names none; they are worth more than modes
 _LEAST = 0.5  # of the accuracy, which modes may leave where the steps nearly come to it
 _MARGIN = 1.5  # the estimate of the modes is 0.6 of the truth at times
 
@@ -22,6 +23,14 @@ _MARGIN = 1.5  # the estimate of the modes is 0.6 of the truth at times
 def with_modes(job: Job, modes: int | str) -> Job:
     """The job with a number of modes, or "all"."""
     model = job.config.model.model_copy(update={"modes": modes})
+    return replace(job, config=job.config.model_copy(update={"model": model}))
+
+
+def with_vectors(job: Job) -> Job:
+    """The job with `VECTORS` residual vectors, unless it names their number."""
+    if "residual_vectors" in job.config.model.model_fields_set:
+        return job
+    model = job.config.model.model_copy(update={"residual_vectors": VECTORS})
     return replace(job, config=job.config.model_copy(update={"model": model}))
 
 
@@ -44,7 +53,8 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
 
     Every count is run on the record of the largest acceleration and judged by the estimate that every run
     makes of itself. Modes may leave what the steps, which follow from `accuracy` in the same run, do not, and
-    half of it at least. Where half of a block's modes do not do, all are taken.
+    half of it at least. A job that names no residual vectors takes `VECTORS` of them. Where half of a block's
+    modes do not do, all are taken.
 
     Raises
     ------
@@ -56,6 +66,7 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
     accuracy = job.config.transient.step_accuracy
     assert accuracy is not None  # the configuration asks for it
     refuse_unjudged(job)
+    job = with_vectors(job)
     free = min(int((~fixed).sum()) for fixed in scene.fixed.values())
     motion = max(motions, key=lambda m: m.peak)
     count = FIRST

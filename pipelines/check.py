@@ -13,7 +13,7 @@ from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_mesh import with_accuracy
-from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes
+from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes, with_vectors
 from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
@@ -144,7 +144,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         job = with_accuracy(job, job.config.transient.step_accuracy)
     if job.config.model.modes == "auto":
         refuse_unjudged(job)
-        job = with_modes(job, FIRST)
+        job = with_modes(with_vectors(job), FIRST)
     if job.config.pipeline == "suite":
         refuse_summary(job, None)
         plan = make_plan(job, clock)

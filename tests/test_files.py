@@ -108,14 +108,17 @@ def test_a_name_as_long_as_names_can_be_is_written(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
-def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
-    """A device such as /dev/null once became a file."""
-    os.mkfifo(tmp_path / "pipe")
-    refused = pytest.raises(WriteError, match="pipe: cannot be written, it is there and is no regular file")
-    with refused, replacing(tmp_path / "pipe"):
+def test_a_device_is_not_replaced_by_a_file(tmp_path):
+    """It once was, by `romdam schema --out /dev/null`."""
+    device = tmp_path / "null"
+    try:
+        os.mknod(device, stat.S_IFCHR | 0o666, os.makedev(1, 3))
+    except (AttributeError, OSError):
+        pytest.skip("needs the right to make a device")
+    refused = pytest.raises(WriteError, match="null: cannot be written, it is a device")
+    with refused, replacing(device):
         pass
-    assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode) and os.listdir(tmp_path) == ["pipe"]
+    assert stat.S_ISCHR(device.stat().st_mode) and os.listdir(tmp_path) == ["null"]
 
 
 def test_a_folder_that_takes_no_files_is_named_before_anything_is_computed(tmp_path):

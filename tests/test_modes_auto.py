@@ -11,7 +11,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
 from romdam.error.metrics import relative_l2
-from romdam.pipelines.automatic_modes import FIRST, choose_modes
+from romdam.pipelines.automatic_modes import FIRST, VECTORS, choose_modes
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.scene.build import build_scene
 
@@ -27,15 +27,26 @@ def job(accuracy, **changes):
     return Job(parse_config(raw | changes, EXAMPLE.name), EXAMPLE)
 
 
+def scene_of(one):
+    return build_scene(one.config, one.folder, str(one.path))
+
+
 def chosen_modes(one):
-    scene = build_scene(one.config, one.folder, str(one.path))
-    return choose_modes(one, scene, usable(records_of(one))).config.model.modes
+    return choose_modes(one, scene_of(one), usable(records_of(one))).config.model.modes
 
 
 def test_a_smaller_error_asks_for_more_modes():
-    rough, fine = chosen_modes(job("20 %")), chosen_modes(job("2 %"))
+    rough, fine = chosen_modes(job("20 %")), chosen_modes(job("0.1 %"))
     assert rough == FIRST
     assert fine == "all" or fine > rough
+
+
+def test_residual_vectors_that_the_job_names_are_kept():
+    def vectors(one):
+        return choose_modes(one, scene_of(one), usable(records_of(one))).config.model.residual_vectors
+
+    assert vectors(job("20 %")) == VECTORS
+    assert vectors(job("20 %", model={"modes": "auto", "residual_vectors": 5})) == 5
 
 
 def test_the_result_says_how_many_and_states_an_error_below_the_accuracy(tmp_path):

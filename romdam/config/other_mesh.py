@@ -146,8 +146,8 @@ def has_linear_elements_only(job: Job) -> bool:
 
 
 def with_mesh_of(job: Job, other: Job) -> Job:
-    """The job with the mesh of another, and all else its own."""
-    keys = ("blocks", "arch_dam", "gravity_dam")
+    """The job with the mesh and the contact points of another, and all else its own."""
+    keys = ("blocks", "arch_dam", "gravity_dam", "cut", "joints")
     mesh = {key: getattr(other.config, key) for key in keys}
     return replace(job, config=job.config.model_copy(update=mesh))
 

@@ -40,11 +40,11 @@ def replacing(path: Path, size: int = 0) -> Iterator[Path]:
     Raises
     ------
     WriteError
-        where the operating system refuses the file, or has no room for it, and for what is there and is no
-        file, such as a device: it would be replaced by one.
+        where the operating system refuses the file, or has no room for it, and for a device, which a file
+        would replace.
     """
-    if path.exists() and not path.is_file():
-        raise WriteError(f"{path}: cannot be written, it is there and is no regular file; give another path")
+    if path.is_char_device() or path.is_block_device():
+        raise WriteError(f"{path}: cannot be written, it is a device; give the path of a file")
     free = float("inf")
     if size:
         with suppress(OSError):  # the writing itself says what is wrong

@@ -210,7 +210,7 @@ _FAULTS = [
     *_in(
         "reduction/methods/craig_bampton.py",
         _REDUCTION,
-        ("FINER_VECTORS, ROUND_OFF, block.wet)", "FINER_VECTORS, ROUND_OFF, None)"),
+        ("FINER_VECTORS, FINER_LEAST, block.wet)", "FINER_VECTORS, FINER_LEAST, None)"),
     ),
     *_in(
         "reduction/natural_modes.py",

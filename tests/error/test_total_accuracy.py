@@ -21,8 +21,8 @@ ABOUT = {"record": "pulse", "seconds": 4.0}
 MATERIALS = {"concrete": {"E": 30e9, "nu": 0.18, "rho": 2440.0}}
 
 
-def job_of(element="hex8"):
-    """Two boxes of 2 m in elements of 1 m."""
+def job_of(element="hex8", **joint):
+    """Two boxes of 2 m in elements of 1 m; further keys of the joint."""
     raw = two_boxes(element) | {
         "materials": MATERIALS,
         "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
@@ -30,6 +30,8 @@ def job_of(element="hex8"):
         "damping": {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.05}},
         "transient": {"accuracy": {"total": 0.02}},
     }
+    for given in raw["joints"].values():
+        given |= joint
     return load_config(parse_config(raw, "s.yaml").model_dump(mode="json"))
 
 
@@ -77,13 +79,13 @@ def chosen(errors, total, element="hex8"):
         # h = 1 m leaves 1 %: stated 0.5 x 3 % = 1.5 %
         (0.0225, "elements as given", 2),
         # the mesh may leave 1.2 %; quadratic elements of 2 m leave 0.8 %: stated 1.5 x 0.7 % = 1.05 %
-        (0.015, "quadratic elements of twice the size", 4),
+        (0.015, "quadratic elements of twice the size, gaps at corners", 4),
         # 0.6 %: quadratic ones of 1 m leave 0.1 %: stated 0.35 %
-        (0.0075, "quadratic elements as given", 4),
+        (0.0075, "quadratic elements as given, gaps at corners", 4),
         # 0.15 %: 0.5 m, run to judge 1 m, tell that this leaves 0.13 %, where 2 m told 0.35 %
-        (0.001875, "quadratic elements as given", 5),
+        (0.001875, "quadratic elements as given, gaps at corners", 5),
         # 0.12 %: 0.5 m leave 0.0125 %: stated 0.5 x 0.0875 = 0.044 %
-        (0.0015, "quadratic elements of 0.5 times the size", 5),
+        (0.0015, "quadratic elements of 0.5 times the size, gaps at corners", 5),
     ],
 )
 def test_the_cheapest_mesh_that_keeps_its_share_is_chosen(total, mesh, ran):
@@ -91,6 +93,23 @@ def test_the_cheapest_mesh_that_keeps_its_share_is_chosen(total, mesh, ran):
     name, true, stated = chosen(errors, total)
     assert name == mesh and len(errors.ran) == ran
     assert true <= stated * 1.1 and stated <= 0.8 * total
+
+
+def test_where_gaps_at_corners_cannot_be_made_they_stay_as_given():
+    errors = Errors(0.01, 0.001, missing=("quadratic elements as given, gaps at corners",))
+    assert chosen(errors, 0.0075)[0] == "quadratic elements as given"
+
+
+@pytest.mark.parametrize(
+    ("keys", "at_corners"), [({}, True), ({"discretization": "mortar"}, False), ({"gaps": "corners"}, False)]
+)
+def test_gaps_of_quadratic_elements_stand_at_corners_unless_joints_are_to_be_mortar(keys, at_corners):
+    job = job_of(**keys)
+    choice = choose_mesh(job, 0.0075, Errors(0.01, 0.001), ABOUT)
+    (name,) = (entry["mesh"] for entry in choice.statement.details["meshes"] if entry["chosen"])
+    assert name.endswith(", gaps at corners") == at_corners
+    (joint,), (given,) = choice.job.config.joints.values(), job.config.joints.values()
+    assert joint.gaps == ("corners" if at_corners else given.gaps)
 
 
 def test_a_large_error_that_a_coarser_mesh_states_is_asked_of_a_finer_one():

@@ -43,6 +43,7 @@ from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.basis import Augmented
 from romdam.reduction.interface import sees_more_nodes_than_gaps
 from romdam.reduction.methods.residual_vectors import (
+    FINER_LEAST,
     FINER_VECTORS,
     ROUND_OFF,
     Interior,
@@ -252,7 +253,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]
     reduced, interior = _with_residual_vectors(block, reduced, interior, choice.residual_vectors, 0.0, None)
     reduced = reduced.formed()
     yield replace(reduced, omega2=without_roundoff(reduced.omega2))
-    finer, _ = _with_residual_vectors(block, reduced, interior, FINER_VECTORS, ROUND_OFF, block.wet)
+    finer, _ = _with_residual_vectors(block, reduced, interior, FINER_VECTORS, FINER_LEAST, block.wet)
     yield replace(finer, omega2=without_roundoff(finer.omega2))
 
 

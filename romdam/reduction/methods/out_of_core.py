@@ -34,8 +34,8 @@ from romdam.reduction.methods.craig_bampton import (
     retains_joint_nodes,
 )
 from romdam.reduction.methods.residual_vectors import (
+    FINER_LEAST,
     FINER_VECTORS,
-    ROUND_OFF,
     larger,
     lowest_with,
 )
@@ -189,7 +189,7 @@ def _ritz_vectors(
     M_r, reduced = T.gram(block.M), []
     levels: list[tuple[int, float, WetMass | None]] = [(choice.residual_vectors, 0.0, None)]
     if files.finer:
-        levels.append((FINER_VECTORS, ROUND_OFF, block.wet))
+        levels.append((FINER_VECTORS, FINER_LEAST, block.wet))
     for count, least, wet in levels:
         if count:
             low, V = diagonalise(K_r + shift * M_r, M_r, block.label)

@@ -22,7 +22,8 @@ from romdam.linalg.solvers import Solver
 # to 231 modes, with and without friction, 20 of them state 0.1 to 1.2 of the truth, 40 0.5 to 1.4, and 60
 # 0.6 to 1.5, at the same cost.
 FINER_VECTORS = 60
-ROUND_OFF = 1e-7  # of a mode's size: too much of a residual vector below it is that, and mirrors nothing
+FINER_LEAST = 1e-6  # of a mode's size: much of a residual vector below it is round-off, and mirrors nothing
+ROUND_OFF = 1e-7  # the same of a static response beside the modes
 _SAME = 1e-5  # relative, of frequencies squared that count as one
 
 
