@@ -179,7 +179,7 @@ class ModelConfig(Model):
     """Reduced (Craig-Bampton) or full order; fixed-interface modes per block by count or by cut-off.
 
     `modes: auto` takes as many as `transient.accuracy` needs on the strongest record, for modes and steps
-    together.
+    together, and 20 residual vectors where none are named.
     `residual_vectors` lowest open-joint modes of a block each add what they leave unbalanced to its basis.
     Blocks that see more nodes than they have gaps (`gaps: corners`) are reduced by open-joint modes, as many
     as both together, and static answers to the gaps' forces.
