@@ -138,6 +138,8 @@ class _Content:
                 kind = f"of type {self.current}" if known else "in a block that is not in the form SOLID"
                 (self.left_out if known else self.unread).setdefault(kind, []).append(row[0])
             count += 1
+        if not row and self.at == len(self.lines):  # a blank line ends a block, but not a file
+            raise ValueError("it ends amid EBLOCK: the file was cut")
         self.refuse_other_count("EBLOCK", said, count)
 
     def add(self, row: list[int]) -> None:
