@@ -68,7 +68,12 @@ def test_a_planted_folder_is_not_used(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    ("suffix", "damage"), [(".nbi", b""), (".nbi", b"\x80\x04K\x01."), (".nbc", b"no pickle")]
+    ("suffix", "damage"),
+    [
+        (".nbi", b""),
+        pytest.param(".nbi", b"\x80\x04K\x01.", marks=pytest.mark.slow),
+        pytest.param(".nbc", b"no pickle", marks=pytest.mark.slow),
+    ],
 )
 def test_damaged_compiled_functions_are_compiled_again(tmp_path, suffix, damage):
     (total, where, hits), _ = probe(False, NUMBA_CACHE_DIR=str(tmp_path))

@@ -39,7 +39,7 @@ def l2(values, reference):
     "effects",
     [
         ("compressible water",),
-        ("compressible water", "free field"),
+        pytest.param(("compressible water", "free field"), marks=pytest.mark.slow),
         ("compressible water", "moving supports"),
         ("viscous boundary",),
     ],

@@ -98,6 +98,7 @@ def test_the_windows_are_the_peak_s_and_always_the_same_other_one():
     assert sample_windows(history) == [first, other]
 
 
+@pytest.mark.slow
 def test_a_sample_does_not_depend_on_the_threads(penalty):
     usual = pipeline.certify(penalty).statement.details["within"]
     for threads in (1, 2):

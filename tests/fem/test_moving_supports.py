@@ -203,6 +203,7 @@ def in_absolute_coordinates(acc, alpha, beta):
     return made.y[n // 2 - 1]
 
 
+@pytest.mark.slow
 def test_waves_from_two_ends_meet_as_absolute_coordinates_say():
     """One end moves 0.05 s later: the middle's motion against a code of its own, at its own step."""
     scene, acc = make(bar()), pulses(1.5) * [[1.0], [0.0], [0.0]]

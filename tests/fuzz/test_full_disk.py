@@ -24,7 +24,7 @@ SECONDS = 120.0
 VARYING = ("date_created", "history", "configuration_folder")
 
 
-@pytest.fixture(scope="module", params=["job", "suite"])
+@pytest.fixture(scope="module", params=["job", pytest.param("suite", marks=pytest.mark.slow)])
 def small(request, tmp_path_factory):
     """A job, or a suite that keeps its runs, and its results where nothing is in the way."""
     made = tmp_path_factory.mktemp(request.param)

@@ -40,6 +40,7 @@ def test_scales_and_samples_are_reordered_and_removed_for_nothing(tmp_path):
     as_fresh(config, tmp_path, calls=4)
 
 
+@pytest.mark.slow
 def test_records_exchange_names_and_go(tmp_path):
     config = write_job(tmp_path, records=3, suite={"keep": "full"})
     named_records(config, a=0, b=1, c=2)
@@ -76,6 +77,7 @@ def test_a_sample_with_friction_changes_the_basis_of_the_others(tmp_path):
     assert float(both.peak_opening[0, 0, 0, 0]) != alone  # its basis has the tangential directions by now
 
 
+@pytest.mark.slow
 def test_parameters_that_say_what_was_so_before_change_no_bit(tmp_path):
     joints = {"gap": BASE["joints"]["gap"] | {"friction": 0.3}}
     config = write_job(tmp_path, records=2, suite={"keep": "full"}, joints=joints)
