@@ -5,8 +5,9 @@ sibling is (1 - 2^-p) of the error of h, that to the coarser one 2^p - 1 times i
 and less at corners and edges. So the error is stated as `OVER_FINER` of the difference to a finer mesh, which
 is right for p = 1.6 and within a factor of two for p above 0.6, and as `OVER_COARSER` of that to a coarser
 mesh, right for p = 1.6 and within a factor of two for p of 1 to 2.3. Displacements of quadratic elements have
-p of 3 and less: what moves is stated as `OVER_COARSER_QUADRATIC` of the difference to a coarser mesh, right
-for p = 2.6 and within a factor of two for p of 1.8 to 3.5. Their stress and forces have p = 2.
+p of 3 and less: what moves, and forces of sections, which are sums of nodal forces, are stated as
+`OVER_COARSER_QUADRATIC` of the difference to a coarser mesh, right for p = 2.6 and within a factor of two for
+p of 1.8 to 3.5. Their stress and the forces of joints have p = 2.
 
 References
 ----------
@@ -34,7 +35,7 @@ from romdam.postprocess.stress.summary import StressSummary
 
 OVER_FINER, OVER_COARSER = 1.5, 0.5  # error over the difference to the sibling
 OVER_COARSER_QUADRATIC = 0.2  # the same of displacements, where all elements are quadratic
-_MOVING = ("opening", "slip", "residual_slip", "displacement")  # quantities that converge as displacements do
+_MOVING = ("opening", "slip", "residual_slip", "displacement", "section")  # these converge as displacements
 _LOST = 0.3  # relative error of a history in L2 from which it counts as not resolved
 _LAST = 1.0  # [s] at the end of a run, over which a slip is averaged that is left
 
@@ -148,7 +149,7 @@ def discretisation(
     if judged.stress is not None and better.stress is not None:
         ring = judged.stress if finer else better.stress
         of_all_faces, faces = face_errors(judged.stress, better.stress, ring, factor)
-        of_all_sections, sections = section_errors(judged.stress, better.stress, factor)
+        of_all_sections, sections = section_errors(judged.stress, better.stress, factor_of["section"])
         errors |= of_all_faces | of_all_sections
         of_stress = {"faces": faces, "sections": sections}
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]

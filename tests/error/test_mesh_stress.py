@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -128,6 +129,9 @@ def test_forces_of_sections_are_compared_as_vectors_and_section_by_section():
     moment = 0.3 * np.linalg.norm([7.0, 24.0]) / np.linalg.norm([7.0, 24.0, 2.0])
     assert stated.errors["section_moment"].l2 == pytest.approx(1.5 * moment)
     assert "section forces by 19 %" in stated.sentence and "stress" not in stated.sentence
+    quadratic = replace(run_with({}, better), quadratic=True)
+    stated = discretisation(quadratic, run_with({}, judged), finer=False, about=ABOUT)
+    assert stated.errors["section_moment"].l2 == pytest.approx(0.2 * moment), "as displacements"
 
 
 STRESS = {
