@@ -15,7 +15,7 @@ import xarray as xr
 
 from romdam.config.load import Job, parse_config
 from romdam.config.quantities import to_si
-from romdam.core.display_units import SI, US, UnitSystem
+from romdam.core.display_units import SI, US, DisplayUnits
 from romdam.core.errors import ConfigError, ResultError, RomdamError
 from romdam.core.files import replacing
 from romdam.core.scene import Scene
@@ -60,7 +60,9 @@ class ReportOptions:
     thresholds: Sequence[str | float] = ()
 
 
-def report_run(path: Path, system: UnitSystem = SI, *, pdf: bool = False, show: Stage = silent) -> list[Path]:
+def report_run(
+    path: Path, system: DisplayUnits = SI, *, pdf: bool = False, show: Stage = silent
+) -> list[Path]:
     """Write the report of one run beside its result, as <result>-report.html.
 
     Parameters
@@ -218,7 +220,7 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
         )
 
 
-def _picture(scene: Scene, system: UnitSystem = SI) -> bytes | None:
+def _picture(scene: Scene, system: DisplayUnits = SI) -> bytes | None:
     """A PNG of the scene; None where this machine draws no 3-D pictures."""
     from romdam.visual.rendering import refuse_without_renderer
     from romdam.visual.scene_view import draw_scene

@@ -38,7 +38,7 @@ def stated_keys(model: BaseModel, path: str = "") -> Iterator[StatedKey]:
                 yield from stated_keys(inner, f"{key}.{inner_name}")
         elif isinstance(value, tuple) and any(isinstance(one, BaseModel) for one in value):
             if all(_is_text(one) for one in value):  # such as faces: a block and the name of its face
-                words = tuple(" ".join(str(word) for word in _given(one).values()) for one in value)
+                words = tuple(" ".join(str(word) for word in _not_defaults(one).values()) for one in value)
                 yield StatedKey(key, words, "", meaning(type(model), name))
                 continue
             for k, inner in enumerate(value):
@@ -48,7 +48,7 @@ def stated_keys(model: BaseModel, path: str = "") -> Iterator[StatedKey]:
             yield StatedKey(key, value, _as_in_files(units), meaning(type(model), name))
 
 
-def _given(model: BaseModel) -> dict[str, object]:
+def _not_defaults(model: BaseModel) -> dict[str, object]:
     """Values that are not their defaults."""
     fields = type(model).model_fields.items()
     defaults = {name: field.get_default(call_default_factory=True) for name, field in fields}
@@ -56,18 +56,18 @@ def _given(model: BaseModel) -> dict[str, object]:
 
 
 def _is_text(model: BaseModel) -> bool:
-    return all(isinstance(value, str) for value in _given(model).values())
+    return all(isinstance(value, str) for value in _not_defaults(model).values())
 
 
 def _units(*annotations: Any) -> str:
     """The unit of the first quantity in annotations, in pint's spelling; empty where there is none."""
     for annotation in annotations:
         if isinstance(annotation, BeforeValidator):
-            found = unit_of(annotation.func) or ""
+            unit = unit_of(annotation.func) or ""
         else:
-            found = _units(*get_args(annotation))
-        if found:
-            return found
+            unit = _units(*get_args(annotation))
+        if unit:
+            return unit
     return ""
 
 

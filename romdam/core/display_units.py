@@ -38,7 +38,7 @@ def unit_text(units: str) -> str:
 
 
 @dataclass(frozen=True)
-class UnitSystem:
+class DisplayUnits:
     """Units that numbers are shown in.
 
     Attributes
@@ -71,8 +71,8 @@ class UnitSystem:
         return next(((size, prefix + name) for size, prefix in _PREFIXES if largest >= size), (1.0, name))
 
 
-SI = UnitSystem("SI", (1.0, "m"))
-US = UnitSystem(
+SI = DisplayUnits("SI", (1.0, "m"))
+US = DisplayUnits(
     "US customary",
     (_FOOT, "ft"),
     {

@@ -73,8 +73,8 @@ def peak_bound(opening: Floats, better: Floats, least: float = 0.0) -> float:
 
 def opening_peaks(opening: Floats, better: Floats, least: float = 0.0) -> float:
     """Peaks of openings (nt, ng) [m], relative to `least` or more, see the module."""
-    own = _own_peaks(opening.max(axis=0), better.max(axis=0), least)
-    return max(opening_peak(opening, better, least), own)
+    of_places = relative_l2(opening.max(axis=0), better.max(axis=0), least)
+    return max(opening_peak(opening, better, least), of_places)
 
 
 def largest_difference(values: Floats, better: Floats) -> float:
@@ -125,7 +125,7 @@ def magnitude_error(
         least = FLOOR * float(np.abs(scale).max())
     off = _over(largest - peak, max(peak, least))
     if peaks:
-        off = max(off, _own_peaks(np.abs(values).max(axis=0), np.abs(better).max(axis=0), least))
+        off = max(off, relative_l2(np.abs(values).max(axis=0), np.abs(better).max(axis=0), least))
     return RelativeError(relative_l2(values, better, mean), off)
 
 
@@ -154,12 +154,6 @@ def _largest(opening: Floats) -> float:
     """The largest opening, or the largest jump where no gap opens [m]."""
     peak = float(opening.max())
     return peak if peak > 0.0 else float(np.abs(opening).max())
-
-
-def _own_peaks(largest: Floats, better: Floats, least: float) -> float:
-    """Root mean square of what the places' largest values differ by, over that of the better ones."""
-    size = max(float(np.linalg.norm(better)), least * np.sqrt(better.size))
-    return _over(float(np.linalg.norm(largest - better)), size)
 
 
 def _over(difference: float, size: float) -> float:

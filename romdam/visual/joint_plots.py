@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from romdam.core.display_units import SI, UnitSystem
+from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.round_off import without_round_off
 from romdam.core.system import SLIP
 from romdam.postprocess.sliding import mean_slip
@@ -42,7 +42,7 @@ _MOVES = 0.02  # of the largest component, below which one is not drawn
 
 
 def component_panels(
-    dataset: xr.Dataset, vectors: xr.DataArray, dim: str, what: str, system: UnitSystem
+    dataset: xr.Dataset, vectors: xr.DataArray, dim: str, what: str, system: DisplayUnits
 ) -> tuple[Figure, list[Axes]]:
     """Vectors (time, dim, component) along the stream, across it and up: a panel for each that moves."""
     along = {
@@ -66,7 +66,7 @@ def component_panels(
     return figure, axes
 
 
-def joint_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def joint_displacements(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Mean displacement of block J relative to block I of every joint since the start, by direction."""
     if "joint_displacement" not in dataset:
         return None
@@ -76,7 +76,7 @@ def joint_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure 
     return finish(figure, axes, dataset, "Relative displacement across the joints, J over I, mean over each")
 
 
-def joint_slip(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def joint_slip(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Slip of the gap that slips most against time, and its range, one panel for each joint that slides.
 
     The number is the peak over all steps, whose time is not kept: its dot is at the largest written row.
@@ -114,7 +114,7 @@ def joints_of_kinds(names: Iterable[str]) -> dict[str, list[str]]:
     return kinds
 
 
-def sliding_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def sliding_histories(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Factor of safety against sliding, and slip of block J over block I since the start.
 
     A pair of panels for each kind of joint, those of one unit: base_1, base_2, ... are of the kind base.
@@ -159,7 +159,7 @@ def sliding_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | 
     return finish(figure, axes, dataset, "Sliding, along the joint")
 
 
-def dissipated_energies(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def dissipated_energies(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Energy that the gaps of each joint have dissipated since the start, the largest at the end first."""
     if "dissipated_energy" not in dataset or not float(dataset.dissipated_energy[-1].max()) > 0.0:
         return None

@@ -17,7 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import TriAnalyzer, Triangulation
 
-from romdam.core.display_units import SI, UnitSystem
+from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.files import replacing
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.postprocess.maxima import peak_opening_time
@@ -56,7 +56,7 @@ _NAMED = 6  # joints that never open, in a title
 _WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
-def ground_motion(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
+def ground_motion(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
     """Ground acceleration of every shaken component."""
     acc = dataset.ground_acceleration
     shaken = [c for c in acc.component.values if float(abs(acc.sel(component=c)).max()) > 0.0] or ["x"]
@@ -70,7 +70,7 @@ def ground_motion(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
     return finish(figure, axes, dataset, "Ground motion")
 
 
-def top_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def top_displacements(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Displacement of the output nodes along the stream, across it and up; a panel for each that moves."""
     if "displacement" not in dataset:
         return None
@@ -78,7 +78,7 @@ def top_displacements(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | 
     return finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
 
 
-def joint_opening(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def joint_opening(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Largest opening of each joint against time, one panel a joint; marked is the peak over all steps.
 
     An opening that does not move has no mark.
@@ -104,7 +104,7 @@ def joint_opening(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 
 
-def opening_envelope(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def opening_envelope(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Largest opening of every gap over the joint's face, one map a joint that opens, with its largest."""
     if "gap_peak_opening" not in dataset:
         return None
@@ -168,7 +168,7 @@ def opening_envelope(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | N
     return figure
 
 
-def energy_ledger(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
+def energy_ledger(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
     """Draw where the energy is: stacked parts against input and what rested at the start, and the imbalance.
 
     What the time stepping takes is one part: of its two terms only the sum is never negative. A dam with
@@ -206,7 +206,7 @@ def energy_ledger(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure:
 
 _ENERGY_LABELS = {"joint_stored": "joint springs", "contact": "time stepping"}
 
-FIGURES: dict[str, Callable[[xr.Dataset, UnitSystem], Figure | None]] = {
+FIGURES: dict[str, Callable[[xr.Dataset, DisplayUnits], Figure | None]] = {
     "ground_motion": ground_motion,
     "top_displacements": top_displacements,
     "joint_opening": joint_opening,

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
-from romdam.core.display_units import SI, UnitSystem
+from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.scene import Block, Scene
 from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
@@ -32,7 +32,7 @@ _DIRECTIONS = (np.array([-1.0, -1.6, 0.9]), np.array([1.0, 1.6, 0.9]))
 _LEGEND = 16  # entries that a legend can take
 
 
-def draw_scene(scene: Scene, path: Path, title: str = "", system: UnitSystem = SI) -> Path:
+def draw_scene(scene: Scene, path: Path, title: str = "", system: DisplayUnits = SI) -> Path:
     """Draw a scene from two sides, upstream first where the water says which that is.
 
     Where there is rock, the second panel leaves it out and shows the dam alone.

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from romdam.core.arrays import Floats
-from romdam.core.display_units import SI, UnitSystem
+from romdam.core.display_units import SI, DisplayUnits
 from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS, Limits
 from romdam.postprocess.stress.summary import duration_above
 from romdam.visual.style import COLOURS, GREY, finish, legend_below, new_figure, scaled
 
 
-def stress_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def stress_histories(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Major principal, cantilever and arch stress of the named nodes, one panel a node."""
     if "stress_probe" not in dataset:
         return None
@@ -43,7 +43,7 @@ def stress_histories(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | N
     return finish(figure, axes, dataset, "Stress, tension positive")
 
 
-def stress_sections(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def stress_sections(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Force, moment and linearised stress of every section over time, one row a section."""
     if "section_force" not in dataset:
         return None
@@ -69,7 +69,7 @@ def stress_sections(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | No
     return figure
 
 
-def stress_damage(dataset: xr.Dataset, system: UnitSystem = SI) -> Figure | None:
+def stress_damage(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Duration and extent of stress above multiples of the strength, beside the limits of linear analysis.
 
     Durations are linear up to the largest limit and logarithmic above, so that limits and curves both show.

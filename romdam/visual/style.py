@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
 from romdam.core.arrays import Floats
-from romdam.core.display_units import SI, UnitSystem
+from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.round_off import NOTHING
 
 # Okabe and Ito's palette, told apart with any colour vision
@@ -60,7 +60,7 @@ def new_figure(
     return figure, list(grid[:, 0])
 
 
-def scaled(values: xr.DataArray, units: str, system: UnitSystem = SI) -> tuple[xr.DataArray, float, str]:
+def scaled(values: xr.DataArray, units: str, system: DisplayUnits = SI) -> tuple[xr.DataArray, float, str]:
     """Values in a unit that suits the largest of them.
 
     Parameters

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from romdam.core.arrays import Floats
-from romdam.core.display_units import SI, UnitSystem, unit_text
+from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.postprocess.responses import intensity_of, response_of
 from romdam.visual.style import COLOURS, GREY, scaled
 
@@ -26,7 +26,7 @@ _FLAT = 1e-3  # m of height, below which a joint is level
 
 
 def display_unit(
-    values: xr.DataArray | Floats | float, units: str, system: UnitSystem = SI
+    values: xr.DataArray | Floats | float, units: str, system: DisplayUnits = SI
 ) -> tuple[float, str]:
     """The factor and the unit that numbers are shown with."""
     if not system.converts(units):

@@ -37,18 +37,12 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
     MeshError
         without pyYeti, where the file is damaged, or which matrix is meant cannot be told.
     """
-    try:
-        with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
-            from pyyeti.nastran import bulk, op4
-    except ImportError:
-        raise MeshError(
-            f"{location}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'"
-        ) from None
+    pyyeti = _pyyeti(location)
     try:
         if path.suffix.lower() == ".op4":
-            matrices: dict[str, Any] = op4.read(str(path), sparse=True)
+            matrices: dict[str, Any] = pyyeti.op4.read(str(path), sparse=True)
         else:
-            matrices = bulk.rddmig(str(path), square=True)
+            matrices = pyyeti.bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
         raise MeshError(f"{location}: cannot be read ({quote(str(error))}); write it anew") from error
     letter = _LETTER.get(key, "")
@@ -91,16 +85,10 @@ def read_external(path: Path, location: str) -> Unknowns:
     MeshError
         without pyYeti, without EXTRN, and for grid points in another coordinate system than the basic one.
     """
+    pyyeti = _pyyeti(location)
     try:
-        with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
-            from pyyeti.nastran import bulk
-    except ImportError:
-        raise MeshError(
-            f"{location}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'"
-        ) from None
-    try:
-        rows = np.asarray(bulk.rdextrn(str(path), expand=True), dtype=np.int64).reshape(-1, 2)
-        read = bulk.rdgrids(str(path))
+        rows = np.asarray(pyyeti.bulk.rdextrn(str(path), expand=True), dtype=np.int64).reshape(-1, 2)
+        read = pyyeti.bulk.rdgrids(str(path))
         grids = np.zeros((0, 8)) if read is None else np.asarray(read, dtype=float).reshape(-1, 8)
     except _DAMAGE as error:
         raise MeshError(f"{location}: has no EXTRN that can be read ({quote(str(error))})") from error
@@ -116,3 +104,15 @@ def read_external(path: Path, location: str) -> Unknowns:
             )
         position[k] = grid[2:5]
     return Unknowns(rows[:, 0], motion, position)
+
+
+def _pyyeti(location: str) -> Any:
+    """The package of pyYeti that reads Nastran's files."""
+    try:
+        with np.printoptions():  # pyYeti sets numpy to print as version 1.13 did
+            from pyyeti import nastran
+    except ImportError:
+        raise MeshError(
+            f"{location}: needs pyYeti for Nastran's files; pip install 'romdam[nastran]'"
+        ) from None
+    return nastran

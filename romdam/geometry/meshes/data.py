@@ -146,9 +146,9 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
     again = ids[counts > 1]
     numbered, faults = [], []
     for kind, c in enumerate(cells):
-        place = np.minimum(np.searchsorted(known, c.nodes), len(known) - 1)
-        lost = known[place] != c.nodes
-        nodes = np.where(lost, -1, order[place])
+        rank = np.minimum(np.searchsorted(known, c.nodes), len(known) - 1)
+        lost = known[rank] != c.nodes
+        nodes = np.where(lost, -1, order[rank])
         ordered = np.sort(c.nodes, axis=1)
         repeated: Bools = (ordered[:, 1:] == ordered[:, :-1]) & (c.dim == 3)
         for wrong, what in (

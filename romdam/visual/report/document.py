@@ -74,9 +74,9 @@ class _Sheets:
     def write(self, x: float, text: str, size: float, *, bold: bool = False, colour: str = "black",
               right: bool = False) -> None:  # fmt: skip
         """A line of text whose top is at `y` and whose left (or right) end is at x."""
-        place = x / self.paper[0], 1.0 - (self.y + 0.95 * size) / self.paper[1]
+        baseline = x / self.paper[0], 1.0 - (self.y + 0.95 * size) / self.paper[1]
         self.all[-1].text(
-            *place, text, fontsize=size, weight="bold" if bold else "normal", color=colour,
+            *baseline, text, fontsize=size, weight="bold" if bold else "normal", color=colour,
             ha="right" if right else "left", va="baseline", parse_math=False,
         )  # fmt: skip
 

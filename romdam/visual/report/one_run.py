@@ -14,7 +14,7 @@ import xarray as xr
 import romdam
 from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
-from romdam.core.display_units import SI, UnitSystem, unit_text
+from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING
 from romdam.postprocess.maxima import explained, maxima, peak_opening_time
 from romdam.postprocess.record_measures import stated_warnings
@@ -90,7 +90,7 @@ class RunSubject:
     config: Config
     errors: Mapping[str, float]
     statements: Mapping[str, str]
-    system: UnitSystem = SI
+    system: DisplayUnits = SI
     scene: bytes | None = None
     command: str = ""
 
@@ -185,7 +185,7 @@ def _joints_table(subject: RunSubject) -> Table:
     dataset, laws = subject.dataset, dict[str, str]()
     for name, joint in subject.config.every_joint.items():
         keys = [key for key in stated_keys(joint) if key.path != "between"]
-        laws[name] = ", ".join(f"{key.path.replace('_', ' ')} {_shown(subject, key)}" for key in keys)
+        laws[name] = ", ".join(f"{key.path.replace('_', ' ')} {_value_text(subject, key)}" for key in keys)
     names, of_gaps = [str(name) for name in dataset.joint.values], dataset.gap_joint.values
     area, unit = subject.column(
         "m2", [float(dataset.gap_area.values[of_gaps == name].sum()) for name in names]
@@ -420,12 +420,12 @@ def _keys_table(subject: RunSubject, caption: str, *sections: str) -> Table:
         key for key in stated_keys(subject.config) if key.path.partition(".")[0].partition("[")[0] in sections
     ]
     rows: list[list[Value]] = [
-        [key.path, _shown(subject, key), Cell(key.text.replace("`", ""), "text")] for key in keys
+        [key.path, _value_text(subject, key), Cell(key.text.replace("`", ""), "text")] for key in keys
     ]
     return Table(["key", "value", "meaning"], rows, f"{caption}; what is not listed has its default")
 
 
-def _shown(subject: RunSubject, key: StatedKey) -> str:
+def _value_text(subject: RunSubject, key: StatedKey) -> str:
     """The value of a key in the report's units."""
     if isinstance(key.value, bool):
         return str(key.value).lower()
