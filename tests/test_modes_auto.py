@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -10,7 +11,9 @@ import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.core.errors import ConfigError
-from romdam.error.metrics import relative_l2
+from romdam.error.metrics import RelativeError, relative_l2
+from romdam.error.statement import ErrorStatement
+from romdam.pipelines import automatic_modes
 from romdam.pipelines.automatic_modes import FIRST, VECTORS, choose_modes
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.scene.build import build_scene
@@ -66,6 +69,32 @@ def test_modes_and_steps_together_keep_the_accuracy():
     truth = romdam.run(job("0.03 %", model={"modes": "all"})).results[0].dataset["opening"].values
     assert relative_l2(kept, truth) < 0.003
     assert relative_l2(closely, truth) < 0.001
+
+
+@pytest.mark.parametrize(
+    ("of_steps", "modes"),
+    [
+        (0.001, 30),  # leaves 0.9 %, a half more than 0.55 % is 0.83 %
+        (0.004, 45),  # leaves 0.6 %
+        (0.009, 45),  # leaves 0.1 %, and half of 1 % at least
+    ],
+)
+def test_modes_may_leave_what_the_steps_leave_with_a_margin(monkeypatch, of_steps, modes):
+    """1 % is asked; 20, 30 and 45 modes are estimated at 0.7, 0.55 and 0.33 %."""
+    estimated = {20: 0.007, 30: 0.0055, 45: 0.0033, 68: 0.0}
+    monkeypatch.setattr(
+        automatic_modes, "reduced_models", lambda job, *_: (SimpleNamespace(system=None), job)
+    )
+    monkeypatch.setattr(automatic_modes, "prepare", lambda *_: None)
+    history = SimpleNamespace(stats={"estimated_time_error": of_steps})
+    monkeypatch.setattr(automatic_modes, "simulate_motion", lambda *_: history)
+
+    def estimate(job, *_):
+        error = RelativeError(estimated[job.config.model.modes], 0.0)
+        return ErrorStatement("estimate", "", {"opening": error})
+
+    monkeypatch.setattr(automatic_modes, "estimate_run", estimate)
+    assert chosen_modes(job("1 %")) == modes
 
 
 def test_without_damping_no_error_is_estimated_and_none_can_be_met():

@@ -205,6 +205,21 @@ def test_what_moves_converges_faster_on_quadratic_elements():
         assert stated.errors[name].l2 == pytest.approx(0.15, rel=1e-9)
 
 
+def test_peaks_that_agree_by_chance_are_those_of_all_places():
+    """Both meshes open and move by 3 at most, at other places: root mean square of 1 and 1 over all."""
+    one, other = run_of((1.0, 2.0, 3.0)), run_of((1.0, 3.0, 2.0))
+    off = np.sqrt(2.0) / np.sqrt(14.0)
+    opening = discretisation(one, other, finer=True, about=ABOUT).errors["opening"]
+    assert opening.peak == pytest.approx(1.5 * off, rel=1e-3)
+    assert opening.joints["k"].peak == pytest.approx(1.5 * np.sqrt(2.0) / np.sqrt(13.0), rel=1e-3)
+    history = SimpleNamespace(**vars(one.history) | {"disp": one.history.disp[:, [1, 0, 2]]})
+    turned = replace(one, history=history)
+    stated = discretisation(turned, one, finer=True, about=ABOUT)
+    wanted = 1.5 * np.hypot(0.5, 0.5) / np.hypot(1.0, 0.5)
+    assert stated.errors["displacement"].peak == pytest.approx(wanted, rel=1e-9)
+    assert stated.details["nodes"]["top"]["displacement"]["peak"] == pytest.approx(wanted, rel=1e-9)
+
+
 def test_joints_that_meet_are_compared_each_with_itself():
     """Two joints have a gap at one place, a third has none at the other mesh's: it is told, and no number."""
     run, sibling = run_of((1.0, 2.0, 3.0)), run_of((1.1, 2.2, 3.3))

@@ -149,6 +149,7 @@ def test_a_group_that_has_lost_a_member_must_not_be_named(name, tmp_path):
         ("8, 0, 10, 10", "8, 0, nan, 10", "uses node 8, expected finite coordinates up to 1e+12"),
         ("8, 0, 10, 10", "8, 0, 10, 10\n8, 0, 10, 11", "uses node 8, which is given twice, at two positions"),
         ("1, 1,2,3,4,5,6,7,8", "1, 1,2,3,4,5,6,7,7", "names a node twice"),
+        ("1, 1,2,3,4,5,6,7,8", "1, 1,2,3,4,5,6,7,8\n1, 1,2,3,4,5,6,7,8", "has a number that is given twice"),
     ],
 )
 def test_elements_that_are_not_sound_matter_where_a_block_takes_them(old, new, reason, tmp_path):
@@ -174,3 +175,40 @@ def test_elements_that_are_not_sound_matter_where_a_block_takes_them(old, new, r
     assert any(reason in remark and "no block can take it" in remark for remark in remarks)
     for group in ("DAM", None):
         assert reason in error_of("a.inp", tmp_path, group=group)
+
+
+def test_a_range_of_abaqus_goes_by_its_step(tmp_path):
+    """1, 8, 3 are nodes 1, 4 and 7: with 5 and 8 besides they hold the face at x = 0 alone, 1 5 8 4."""
+    text = (ODD / "inp_generate_holes.inp").read_text().replace("1, 20", "1, 8, 3\n5, 8, 3")
+    (tmp_path / "a.inp").write_text(text)
+    block, remarks = block_and_remarks("a.inp", tmp_path)
+    (facet,) = select_facets(block, "NALL", "s.yaml: supports[0].face")
+    assert sorted(map(tuple, block.points[facet].tolist())) == [
+        (0, 0, 0),
+        (0, 0, 10),
+        (0, 10, 0),
+        (0, 10, 10),
+    ]
+    assert not remarks
+
+
+@pytest.mark.parametrize(("kind", "told"), [("C3D8R", "1 C3D8R"), ("C3D8", ""), ("C3D8I", "")])
+def test_elements_of_reduced_integration_are_told(kind, told, tmp_path):
+    text = (ODD / "inp_elset_of_bars.inp").read_text().replace("TYPE=C3D8,", f"TYPE={kind},")
+    (tmp_path / "a.inp").write_text(text)
+    remarks = [
+        remark for remark in block_and_remarks("a.inp", tmp_path)[1] if "reduced integration" in remark
+    ]
+    assert len(remarks) == bool(told) and told in "".join(remarks)
+
+
+def test_dataset_780_groups_by_its_fourth_number(tmp_path):
+    """Its heads are number, type, table and number of the property, those of the material, colour, nodes."""
+    text = (ODD / "unv_2417_seven.unv").read_text()
+    head = "         1       115         1         1         7         8\n"
+    old = "".join(f"{word:10d}" for word in (1, 115, 9, 4, 9, 5, 7, 8)) + "\n"
+    assert text.count(head) == 1
+    text = text.replace("  2412\n", "   780\n").replace(head, old)
+    (tmp_path / "a.unv").write_text(text[: text.index("    -1\n  2417")])
+    assert len(block_and_remarks("a.unv", tmp_path, 4)[0].cells) == 1
+    assert "groups of solid elements are 4" in error_of("a.unv", tmp_path, group=9)

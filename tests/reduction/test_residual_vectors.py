@@ -10,6 +10,7 @@ from romdam.config.sections.job import ModelConfig
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble_mass
 from romdam.linalg.dense import independent
+from romdam.reduction.methods.residual_vectors import FINER_LEAST, larger
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 
@@ -53,3 +54,18 @@ def test_dependent_residual_vectors_are_dropped():
     assert made.report["left"]["residual_vectors"] == 0
     _, made = frequencies({"modes": 0, "residual_vectors": 500})
     assert made.system.size <= assemble_full(scene(raw()), DAMPING).size
+
+
+@pytest.mark.parametrize(
+    ("lengths", "kept"),
+    [
+        ((1e-3, 1e-5, 5e-7), [0, 1]),
+        ((5e-7, 2e-7, 1e-8), [0, 1]),  # of a basis that lacks little
+        ((1e-8, 1e-9, 0.0), []),
+    ],
+)
+def test_residual_vectors_that_are_round_off_beside_the_others_are_left_out(lengths, kept):
+    D, mass = np.diag(lengths), csr_matrix(np.eye(3))
+    omega2 = np.array([1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(larger(D, mass, omega2, FINER_LEAST), D[:, kept])
+    np.testing.assert_array_equal(larger(D, mass, omega2, 0.0), D)

@@ -32,6 +32,10 @@ def test_customary_units_have_the_sizes_of_nist(of, name):
     assert US.suited(units, 1.0) == (pytest.approx(size, rel=5e-7), name)
 
 
+def test_a_change_of_temperature_has_no_offset():
+    assert US.suited("K", 1.0) == (pytest.approx(5.0 / 9.0), "°F")
+
+
 def test_si_takes_a_prefix_where_that_is_usual():
     assert SI.suited("Pa", 3.1e10) == (1e9, "GPa") and SI.suited("N m-3", 2e10) == (1e9, "GPa/m")
     assert SI.suited("m s-2", 1e4) == (1.0, "m/s²") and SI.suited("m", 0.0) == (1.0, "m")
@@ -72,6 +76,26 @@ def test_peaks_stand_in_the_units_of_the_report(result, job, system, length, str
         expected = float(of_joint.peak_opening) / length, float(of_joint.peak_compressive_stress) / stress
         shown = float(row[0]), float(row[3].replace("−", "-"))
         assert shown == pytest.approx(expected, rel=6e-3)
+
+
+def test_the_peak_of_the_record_is_in_g(result, job):
+    report = run_report(subject_of(result.dataset, job))
+    (table,) = (
+        part
+        for section in report.sections
+        for part in section.shown
+        if section.title == "Ground motion" and isinstance(part, Table) and not part.head
+    )
+    rows = {row[0].text: row[1].text for row in table.cells}
+    peaks = {
+        f"peak acceleration {axis}": float(abs(result.dataset.ground_acceleration.sel(component=axis)).max())
+        for axis in result.dataset.component.values
+    }
+    for name, peak in peaks.items():
+        if peak > 0.0:
+            number, unit = rows[name].split()
+            assert unit == "g" and float(number) == pytest.approx(peak / 9.80665, rel=6e-3)
+    assert max(peaks.values()) > 0.0
 
 
 def test_a_check_beyond_its_limit_is_not_met(result, job):

@@ -144,6 +144,10 @@ def test_series_names_its_blocks_where_readers_find_them(result, tmp_path):
         found = {name: int(np.ravel(values)[0]) for name, values in fields.items()}
         assert found == {'left & "first"': 0, "right": 1}
     np.testing.assert_array_equal(pyvista.read(path).cell_data["block"], np.concatenate(numbers))
+    for k, name in enumerate(result.blocks):  # each block's cells have its own points
+        cells = pyvista.read(path).threshold((k, k), scalars="block")
+        points = result.points(name)
+        np.testing.assert_allclose(cells.bounds, np.ravel([points.min(axis=0), points.max(axis=0)], "F"))
     write_series(result, tmp_path, "quake", Frames(1), lambda done, total: None)
     assert list(meshio.read(tmp_path / "quake-0000.vtu").field_data) == result.blocks
 

@@ -69,6 +69,8 @@ def lowest_with(added: Floats | None, omega2: Floats, X: Floats, count: int) -> 
 def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
     """The modes' residual vectors whose M-norm is above a size, of one frequency all or none.
 
+    Where none is, as in a basis that lacks little, those above `ROUND_OFF`: it is they that tell how little.
+
     Which modes of one frequency there are is round-off, and with it how large each one's vector is.
 
     Parameters
@@ -78,4 +80,7 @@ def larger(D: Floats, M: csr_matrix, omega2: Floats, least: float) -> Floats:
     together = np.append(0, np.cumsum(np.diff(omega2) > _SAME * omega2[1:]))
     smallest = np.full(len(omega2), np.inf)
     np.minimum.at(smallest, together, np.sqrt((D * (M @ D)).sum(axis=0)))
-    return np.asarray(D[:, smallest[together] > least]) if least else D
+    if not least:
+        return D
+    size = smallest[together]
+    return np.asarray(D[:, size > (least if (size > least).any() else ROUND_OFF)])
