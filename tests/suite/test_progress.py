@@ -53,7 +53,7 @@ def test_a_batch_tells_how_far_it_is_before_it_ends(workers, tmp_path, monkeypat
     assert {total for _, total in told} == {4 * STEPS}
     assert done == sorted(done) and done[-1] == 4 * STEPS
     if workers == 1:  # a worker process has the interval of the module, a second
-        assert len({number for number in done if 0 < number < 4 * STEPS}) > 3
+        assert any(0 < number < 4 * STEPS for number in done)  # how many depends on the machine
     assert not [*(tmp_path / "o").glob(".romdam-*.part")]  # the notes are gone
 
 
