@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located, naming_lines
+from romdam.config.other_mesh import with_spacing
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.system import System
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes, with_vectors
+from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
@@ -145,6 +147,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     if job.config.model.modes == "auto":
         refuse_unjudged(job)
         job = with_modes(with_vectors(job), FIRST)
+    job = with_spacing(job, None)
     if job.config.pipeline == "suite":
         refuse_summary(job, None)
         plan = make_plan(job, clock)
@@ -265,6 +268,8 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
         )
     if job.config.model.modes == "auto":
         yield f"how many modes model.modes: auto takes; {FIRST} are taken here"
+    if automatic := automatic_joints(job):
+        yield f"how far apart the gaps of spacing: auto are ({', '.join(automatic)}); every node has one here"
     if len(model.system.law) and not closed:
         if model.reduced is None:
             why = "the model is not reduced"

@@ -16,6 +16,7 @@ from romdam.export.build import build_deck
 from romdam.export.codes import CODES
 from romdam.export.deck import Motion
 from romdam.fem.gaps import gap_law
+from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
@@ -114,7 +115,8 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
         for bad input, and where the folder refuses a file.
     """
     clock, store = Clock(show), open_store(cache)
-    if job.config.model.modes == "auto" or job.config.transient.total_accuracy is not None:
+    total = job.config.transient.total_accuracy
+    if job.config.model.modes == "auto" or total is not None or automatic_joints(job):
         job, _ = choose_mesh_and_modes(job, usable(records_of(job)), clock, store)
     model = build_model(job, clock, store)
     with clock.stage("output", "writing matrices"):

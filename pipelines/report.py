@@ -14,12 +14,14 @@ from urllib.parse import quote
 import xarray as xr
 
 from romdam.config.load import Job, parse_config
+from romdam.config.other_mesh import with_spacing
 from romdam.config.quantities import to_si
 from romdam.core.display_units import SI, US, DisplayUnits
 from romdam.core.errors import ConfigError, ResultError, RomdamError
 from romdam.core.files import replacing
 from romdam.core.scene import Scene
 from romdam.error.statement import opening_errors, sentences
+from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
@@ -206,10 +208,12 @@ def _topic(summary: xr.Dataset, options: ReportOptions, folder: Path) -> Topic:
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     """Refuse a configuration with another scene, model or records than the suite's."""
     stated = json.loads(str(summary.attrs["configuration"]))
-    created, now = (
-        config.model_dump(mode="json", exclude=_BESIDE)
-        for config in (parse_config(stated, f"{folder / SUMMARY}: configuration", si=True), job.config)
-    )
+    its = parse_config(stated, f"{folder / SUMMARY}: configuration", si=True)
+    for name in automatic_joints(job):  # the summary states the distance that they came to
+        joint = its.every_joint.get(name)
+        if joint is not None and joint.spacing != "auto":
+            job = with_spacing(job, joint.spacing)
+    created, now = (config.model_dump(mode="json", exclude=_BESIDE) for config in (its, job.config))
     if now["model"]["modes"] == "auto":  # the summary states the number that it came to
         now["model"]["modes"] = created["model"]["modes"]
     other = [key for key in now if created[key] != now[key]]

@@ -40,6 +40,7 @@ from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verif
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes
+from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
@@ -388,9 +389,9 @@ def write_shared(folder: Path, model: Model, *, rock: bool) -> dict[str, str]:
 def choose_mesh_and_modes(
     job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
 ) -> tuple[Job, MeshChoice | None]:
-    """The job with the mesh that `transient.accuracy.total` comes to, and the modes of `model.modes: auto`.
+    """The job with the mesh of `transient.accuracy.total`, `spacing` and `model.modes` of `auto`.
 
-    Both are chosen on the motion of the largest acceleration. The job that is returned asks for the accuracy
+    They are chosen on the motion of the largest acceleration. The job that is returned asks for the accuracy
     of steps and modes that is left.
 
     Raises
@@ -422,7 +423,18 @@ def choose_mesh_and_modes(
         log.info("%s", choice.statement.sentence)
         left = total - choice.statement.errors["opening"].l2
         job = with_accuracy(with_mesh_of(job, choice.job), min(left / 2.0, MOST_ACCURACY))
+    job = with_spacing_chosen(job, motions, clock, store)
     return with_modes_chosen(job, motions, clock, store), choice
+
+
+def with_spacing_chosen(
+    job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
+) -> Job:
+    """The job with the distance of the gaps that `spacing: auto` comes to on these motions."""
+    if not automatic_joints(job):
+        return job
+    with clock.stage("spacing", "choosing the spacing of the gaps"):
+        return choose_spacing(job, motions, store)
 
 
 def with_modes_chosen(

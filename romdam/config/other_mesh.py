@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
@@ -107,6 +108,11 @@ def on_limit_mesh(job: Job) -> Job:
     return on_finer_mesh(job)
 
 
+def with_spacing(job: Job, spacing: float | None) -> Job:
+    """The job with a distance of the gaps [m] in every joint that has `spacing: auto`; None for all nodes."""
+    return _with_joint_keys(job, lambda joint: {"spacing": spacing} if joint.spacing == "auto" else {})
+
+
 def with_contact_points(job: Job, points: ContactPoints) -> Job:
     """The job with the gaps of every joint at other places.
 
@@ -118,23 +124,29 @@ def with_contact_points(job: Job, points: ContactPoints) -> Job:
     if points == "as_given":
         return job
     _refuse_bound_to_mesh(job)
-    config, keys = job.config, _POINTS[points]
+    return _with_joint_keys(job, lambda joint: _POINTS[points])
+
+
+def _with_joint_keys(job: Job, keys_of: Callable[[JointProperties], dict[str, object]]) -> Job:
+    """The job with other keys in all properties of joints, wherever they stand."""
+    config = job.config
     changed: dict[str, object] = {
-        "joints": {name: joint.model_copy(update=keys) for name, joint in config.joints.items()},
-        "cut": {name: _with_joints(section, keys) for name, section in config.cut.items()},
+        "joints": {name: joint.model_copy(update=keys_of(joint)) for name, joint in config.joints.items()},
+        "cut": {name: _with_joints(section, keys_of) for name, section in config.cut.items()},
     }
     if config.arch_dam is not None:
-        changed["arch_dam"] = _with_joints(config.arch_dam, keys)
+        changed["arch_dam"] = _with_joints(config.arch_dam, keys_of)
     if config.gravity_dam is not None:
-        joints = config.gravity_dam.joints
-        changed["gravity_dam"] = config.gravity_dam.model_copy(update={"joints": _with_joints(joints, keys)})
+        joints = _with_joints(config.gravity_dam.joints, keys_of)
+        changed["gravity_dam"] = config.gravity_dam.model_copy(update={"joints": joints})
     return replace(job, config=config.model_copy(update=changed))
 
 
-def _with_joints(section: ModelT, keys: dict[str, object]) -> ModelT:
-    """A section with further keys in all properties of joints that stand in it."""
+def _with_joints(section: ModelT, keys_of: Callable[[JointProperties], dict[str, object]]) -> ModelT:
+    """A section with other keys in all properties of joints that stand in it."""
     joints = {name: value for name, value in section if isinstance(value, JointProperties)}
-    return section.model_copy(update={name: value.model_copy(update=keys) for name, value in joints.items()})
+    changed = {name: value.model_copy(update=keys_of(value)) for name, value in joints.items()}
+    return section.model_copy(update=changed)
 
 
 def has_linear_elements_only(job: Job) -> bool:

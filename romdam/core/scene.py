@@ -121,6 +121,8 @@ class Joint:
     at_point : as `weights`, of the jump at the gaps' very positions; None where it is the same
     face : that the gaps stand on
     corner : (n,) node of the face's block at which each gap stands
+    patches : (n, nodes of the face's block) of the mean over what each gap stands for, rows sum to 1; None
+        where that is its corner's share of the facets
     """
 
     name: str
@@ -143,6 +145,18 @@ class Joint:
     at_point: tuple[csr_matrix, csr_matrix] | None = None
     face: JointFace | None = None
     corner: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    patches: csr_matrix | None = None
+
+    def of_corners(self, values: Floats) -> Floats:
+        """Values at the gaps (n,) of values at the corners of the face's facets.
+
+        Parameters
+        ----------
+        values : (nodes of the face's block,) means over each corner's share of the facets; NaN at other nodes
+        """
+        if self.patches is None:
+            return values[self.corner]
+        return np.asarray(self.patches @ np.nan_to_num(values))
 
     @property
     def whole_area(self) -> Floats:

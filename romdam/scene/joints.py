@@ -29,6 +29,7 @@ from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.pairing import coincident_facets
+from romdam.scene.patches import coarsen_gaps
 from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
@@ -67,6 +68,11 @@ def build_joint(
     location = f"{source}: joints.{name}"
     block_I, block_J = (blocks[b] for b in joint.between)
     face, surface = _face_gaps(joint, block_I, block_J, location)
+    every_corner = face.corner
+    if isinstance(joint.spacing, float):
+        nodes = len(face.area)
+        face = coarsen_gaps(face, surface, joint.spacing, location)
+        _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, len(face.area), nodes)
 
     # compare the gaps of a narrow face with their bedding in stiffness against rotation
     side = joint.between.index(surface.block)
@@ -93,8 +99,9 @@ def build_joint(
         weights=face.weights,
         at_point=face.at_point,
         water=np.zeros(len(face.area)),
-        face=_linear_face(surface, face.corner),
+        face=_linear_face(surface, every_corner),
         corner=face.corner,
+        patches=face.patches,
         **_properties(joint, face.area, face.position, folder, location),
     )
     return _without_held_gaps(every_gap, fixed, parts, location)
@@ -317,6 +324,7 @@ def _select(joint: Joint, keep: Ints) -> Joint:
         nodes=(joint.nodes[0][seen[0]], joint.nodes[1][seen[1]]),
         weights=cut[0],
         at_point=None if joint.at_point is None else cut[1],
+        patches=None if joint.patches is None else csr_matrix(joint.patches[keep]),
         laws=laws,
         **{name: getattr(joint, name)[keep] for name in of_gaps},
     )

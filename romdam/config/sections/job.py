@@ -308,6 +308,7 @@ class Config(Model):
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
+        self._refuse_automatic_spacing_that_nothing_judges()
         self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
@@ -408,6 +409,21 @@ class Config(Model):
                 "outputs.mesh_error: transient.accuracy.total states the error of the mesh that it chooses; "
                 "leave one of the two out"
             )
+
+    def _refuse_automatic_spacing_that_nothing_judges(self) -> None:
+        automatic = [name for name, joint in self.every_joint.items() if joint.spacing == "auto"]
+        if not automatic:
+            return
+        lacking = {
+            "transient.accuracy, which it is to meet": self.transient.accuracy is not None,
+            "an accuracy of the steps (accuracy: 1 %), as accuracy.total chooses contact points itself": (
+                self.transient.total_accuracy is None
+            ),
+            "model.order: reduced": self.model.order == "reduced",
+        }
+        for what, there in lacking.items():
+            if not there:
+                raise ValueError(f"spacing: auto of joint {automatic[0]} needs {what}; or give a length")
 
     def _refuse_interval_that_no_steps_divide(self) -> None:
         key, interval = "outputs.output_interval", self.outputs.output_interval

@@ -38,6 +38,12 @@ NormalRule = Annotated[
 ]
 
 
+Spacing = Annotated[
+    Annotated[Annotated[Length, Field(gt=0.0)], Tag("number")] | Annotated[Literal["auto"], Tag("word")],
+    by_shape('a length such as 2.5 m, or "auto"', "auto"),
+]
+
+
 class JointProperties(JointLaws):
     """Properties of gap elements, wherever they stand.
 
@@ -50,6 +56,9 @@ class JointProperties(JointLaws):
     """Initial opening: a length, or a table of lengths."""
     gaps: Literal["nodes", "corners"] = "nodes"
     """Places of the gaps: every node of the faces, or corners of quadratic facets only."""
+    spacing: Spacing | None = None
+    """Distance of the gaps, where that is more than the distance of the nodes; auto: as large as
+    `transient.accuracy` allows."""
     normal: NormalRule = "face"
     """Direction in which gaps open: the face's, the line between two nodes, or a vector from the first
     block to the second."""
@@ -90,6 +99,16 @@ class JointProperties(JointLaws):
                 "`gaps: corners` is for discretization: node_to_node, the gaps of a mortar joint stand at "
                 "corners anyway; remove it"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _spacing_of_areas(self) -> Self:
+        for key, value in self.law_keys.items():
+            if self.spacing is not None and isinstance(value, dict) and value.get("per_gap"):
+                raise ValueError(
+                    f"`{key}` is {value['per_gap']:g} N/m of each gap, and `spacing` changes the number of "
+                    "gaps; give it per area (16 GPa/m), or leave spacing out"
+                )
         return self
 
     @property

@@ -67,10 +67,10 @@ def with_water(
                 "of its own"
             )
     diagram = Diagram(water, water.density * gravity, outline)
-    pressure = mean_pressure(points, joint.face, diagram)[joint.corner]
+    pressure = joint.of_corners(mean_pressure(points, joint.face, diagram))
     wet = replace(joint, water=pressure * joint.area)
     if water.crack == "full":
-        full = mean_pressure(points, joint.face, replace(diagram, outline=None))[joint.corner]
+        full = joint.of_corners(mean_pressure(points, joint.face, replace(diagram, outline=None)))
         excess = (full - pressure) * joint.area
         rows = LawRows(source_of(CrackWater), excess[:, None], excess > 0.0, shear=False)
         wet = replace(wet, laws=(*joint.laws, rows))

@@ -115,8 +115,11 @@ def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> F
                 if heights.max() > aside:
                     for triangle in below(np.eye(3), aside - heights):  # in barycentric coordinates
                         above[corners] += size * abs(np.linalg.det(triangle)) * triangle.mean(axis=0)
+    share = np.where(cut, above / np.maximum(whole, 1e-300), height > aside)
+    if joint.patches is not None:
+        return joint.of_corners(share)
     is_cut = cut[joint.corner]
-    step[is_cut] = (above / np.maximum(whole, 1e-300))[joint.corner[is_cut]]
+    step[is_cut] = share[joint.corner[is_cut]]
     return step
 
 

@@ -1,0 +1,72 @@
+"""`spacing: auto`: gaps as far apart as the wanted accuracy allows, on the strongest record."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+from romdam.config.load import Job
+from romdam.config.other_mesh import with_spacing
+from romdam.core.motion import GroundMotion
+from romdam.error.discretisation import OVER_FINER, MeshRun, discretisation
+from romdam.error.statement import percent
+from romdam.pipelines.automatic_modes import FIRST, with_modes, with_vectors
+from romdam.pipelines.error.sibling import run_of
+from romdam.pipelines.moving_supports import scene_of
+from romdam.pipelines.simulation import Model, prepare, simulate_motion
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.synthesis import reduce_scene
+
+log = logging.getLogger(__name__)
+
+_COARSEST = 8  # times the distance of the nodes: what is tried first, and halved until the accuracy is met
+
+
+def automatic_joints(job: Job) -> list[str]:
+    """Names of the joints with `spacing: auto`."""
+    return [name for name, joint in job.config.every_joint.items() if joint.spacing == "auto"]
+
+
+def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
+    """The job with gaps as far apart as changes the openings by at most `transient.accuracy`.
+
+    Spacings of eight, four and two times the distance of the nodes are run on the record of the largest
+    acceleration. What a spacing changes is stated as for a mesh, from the run on half of it; where two times
+    that distance is too coarse, every node has a gap.
+
+    Raises
+    ------
+    ConfigError
+        for faces that are too curved for gaps between their nodes.
+    ConvergenceError
+        where a step does not converge.
+    """
+    accuracy = job.config.transient.step_accuracy
+    assert accuracy is not None  # the configuration asks for it
+    motion = max(motions, key=lambda m: m.peak)
+    trial = with_modes(with_vectors(job), FIRST) if job.config.model.modes == "auto" else job
+    joints = [scene_of(with_spacing(job, None)).joints[name] for name in automatic_joints(job)]
+    distance = max(math.sqrt(joint.whole_area.sum() / len(joint.area)) for joint in joints)
+    times, judged = _COARSEST, _run(with_spacing(trial, _COARSEST * distance), motion, store)
+    while times > 1:
+        half = times // 2
+        better = _run(with_spacing(trial, half * distance if half > 1 else None), motion, store)
+        about = {"record": motion.name, "seconds": float(judged.history.time[-1])}
+        error = discretisation(judged, better, finer=True, about=about).errors["opening"].l2
+        log.info(
+            "spacing %.4g m: %d gaps, which change the openings by about %s in L2 (%g of the difference to "
+            "half of it); accuracy %s",
+            times * distance, len(judged.position), percent(error), OVER_FINER, percent(accuracy),
+        )  # fmt: skip
+        if error <= accuracy:
+            return with_spacing(job, times * distance)
+        times, judged = half, better
+    return with_spacing(job, None)
+
+
+def _run(job: Job, motion: GroundMotion, store: BlockStore | None) -> MeshRun:
+    """Run a job without the stress of its modes."""
+    scene = scene_of(job)
+    reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
+    model = Model(scene, prepare(job, reduced.system), reduced)
+    return run_of(model, simulate_motion(job, model.prepared, motion, job.config.transient.duration), None)

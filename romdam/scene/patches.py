@@ -1,0 +1,178 @@
+"""Contact points farther apart than the nodes of a joint's faces: each stands for a patch of the face.
+
+The pressure p on the face and the mean jump w that is conjugate to it are linear between contact points. With
+the hat functions N_a of the contact points, sampled at the gaps i of the mesh of area A_i,
+
+    M_ab = sum_i A_i N_a N_b,     w_a = sum_b M^-1_ab sum_i A_i N_b w_i,     A_a = sum_b M_ab.
+
+This is the L2 projection of the jump, and its transpose spreads a contact force as the dual multiplier of its
+point. A jump that is linear over the face, so every rigid motion of its sides, is exact at the contact
+points, and a uniform pressure stays uniform. Means over patches (w_a the mean over N_a, or over the nearest
+nodes) are not linear: a joint that rocks would turn about the middle of its last patch instead of its edge.
+
+References
+----------
+Wohlmuth, SIAM J. Numer. Anal. 38 (2000) 989: dual multipliers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.core.arrays import Floats, Ints
+from romdam.core.errors import ConfigError
+from romdam.scene.mortar.gaps import FaceGaps
+from romdam.scene.mortar.surface import Surface
+
+_CORNER = 30.0  # turn of a face's outline from which on a node is a corner of it [degree]
+_STEEPEST = (
+    60.0  # angle of a gap's normal with the mean one, up to which the face is seen as a plane [degree]
+)
+_CLOSE = 0.75  # of the spacing: contact points inside the outline are no nearer to each other
+_ROUNDING = 1e-9  # of the spacing, and of weights
+_SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is none
+_CHUNK = 4_000_000  # numbers at a time
+
+
+def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str) -> FaceGaps:
+    """Replace the gaps of a joint by contact points about `spacing` apart; see the module.
+
+    Parameters
+    ----------
+    gaps : of all nodes of the face
+    surface : that they stand on
+    spacing : distance of contact points [m]
+    location : file and key of the joint, for messages
+
+    Returns
+    -------
+    FaceGaps, the gaps as they are where the nodes are no closer than that
+
+    Raises
+    ------
+    ConfigError
+        for a face that is curved too much to be seen as a plane.
+    """
+    centre = gaps.position.mean(axis=0)
+    mean = gaps.area @ gaps.normal
+    mean /= np.linalg.norm(mean)
+    cosine = float((gaps.normal @ mean).min())
+    if cosine < np.cos(np.radians(_STEEPEST)):
+        raise ConfigError(
+            f"{location}.spacing: the face turns by {np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees, "
+            f"limit {_STEEPEST:g} degrees, so that contact points between its nodes have no plane to stand "
+            "in; leave spacing out, and every node has a gap"
+        )
+    plane = np.linalg.svd(np.eye(3) - np.outer(mean, mean))[0][:, :2]
+    flat = (gaps.position - centre) @ plane
+    points = _contact_points(flat, _outline(surface, gaps.corner), spacing)
+    if len(points) == len(flat):
+        return gaps
+    hats = _hats(flat[points], flat)
+    lumped = gaps.area[:, None] * hats
+    mass = hats.T @ lumped
+    area = mass.sum(axis=1)
+    spread = np.linalg.solve(mass, lumped.T)
+    spread[np.abs(spread) < _ROUNDING * np.abs(spread).max(axis=1, keepdims=True)] = 0.0
+    spread /= spread.sum(axis=1, keepdims=True)
+    nodes = np.arange(len(gaps.corner)), gaps.corner
+    at_corner = csr_matrix((np.ones(len(gaps.corner)), nodes), shape=(len(gaps.corner), len(surface.points)))
+    exact = gaps.at_point or gaps.weights
+    return replace(
+        gaps,
+        position=gaps.position[points],
+        opposite=gaps.opposite[points],
+        normal=gaps.normal[points],
+        area=area,
+        corner=gaps.corner[points],
+        weights=(csr_matrix(spread @ gaps.weights[0]), csr_matrix(spread @ gaps.weights[1])),
+        at_point=(csr_matrix(exact[0][points]), csr_matrix(exact[1][points])),
+        patches=csr_matrix(csr_matrix(lumped.T / area[:, None]) @ at_corner),
+    )
+
+
+def _outline(surface: Surface, corner: Ints) -> list[Ints]:
+    """Closed loops of gaps around a face, each once around; `corner` has the node of every gap."""
+    corners = surface.facets[:, : surface.element.corners]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    number = np.full(len(surface.points), -1)
+    number[corner] = np.arange(len(corner))
+    edges = edges[(number[edges] >= 0).all(axis=1)]
+    seen = {(int(a), int(b)) for a, b in number[edges]}
+    following = {a: b for a, b in sorted(seen) if (b, a) not in seen}
+    loops = []
+    while following:
+        first = node = min(following)
+        loop = []
+        while node in following:
+            loop.append(node)
+            node = following.pop(node)
+        if node == first and len(loop) > 2:
+            loops.append(np.array(loop))
+    return loops
+
+
+def _contact_points(flat: Floats, loops: list[Ints], spacing: float) -> Ints:
+    """Choose gaps about `spacing` apart: corners of the outline, points between them, then points inside."""
+    chosen = list[int]()
+    for loop in loops:
+        ahead = np.roll(flat[loop], -1, axis=0) - flat[loop]
+        behind = np.roll(ahead, 1, axis=0)
+        turn = np.abs(
+            np.arctan2(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0], (behind * ahead).sum(axis=1))
+        )
+        corners = np.flatnonzero(turn > np.radians(_CORNER))
+        if not len(corners):
+            corners = np.array([0])
+        ends = np.append(corners, corners[0] + len(loop))
+        for first, last in pairwise(ends.tolist()):
+            side = loop[np.arange(first, last + 1) % len(loop)]
+            along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat[side], axis=0), axis=1)))
+            pieces = max(1, round(along[-1] / spacing))
+            wanted = np.linspace(0.0, along[-1], pieces + 1)[:-1]
+            chosen += side[np.abs(along[:, None] - wanted).argmin(axis=0)].tolist()
+    points = list(dict.fromkeys(chosen))
+    # row by row along the longer side of the face, so that points of a regular mesh stand in rows
+    axes = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[2]
+    rows = np.round((flat @ axes.T) / (_ROUNDING * spacing)) * (_ROUNDING * spacing)
+    least = _CLOSE * spacing
+    distance = np.full(len(flat), np.inf)
+    for point in points:
+        distance = np.minimum(distance, np.linalg.norm(flat - flat[point], axis=1))
+    for point in np.lexsort((rows[:, 1], rows[:, 0])).tolist():
+        if distance[point] >= least:
+            points.append(point)
+            distance = np.minimum(distance, np.linalg.norm(flat - flat[point], axis=1))
+    return np.sort(np.array(points, dtype=np.int64))
+
+
+def _hats(points: Floats, places: Floats) -> Floats:
+    """Hat functions (n, m) of contact points (m, 2) at places (n, 2); their sum is 1 everywhere.
+
+    They are linear on the triangles of a Delaunay triangulation, and beyond its hull as on the nearest one.
+    """
+    from scipy.spatial import Delaunay
+
+    triangles = Delaunay(points).simplices
+    corners = points[triangles]
+    sides = corners[:, 1:] - corners[:, :1]
+    twice = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    sound = np.abs(twice) > _SLIVER * longest**2
+    triangles, corners, inverse = triangles[sound], corners[sound], np.linalg.inv(sides[sound])
+    hats = np.zeros((len(places), len(points)))
+    step = max(1, _CHUNK // (3 * len(triangles)))
+    for first in range(0, len(places), step):
+        some = np.arange(first, min(first + step, len(places)))
+        within = np.einsum("nti,tij->ntj", places[some, None] - corners[None, :, 0], inverse)
+        shares = np.concatenate([1.0 - within.sum(axis=2, keepdims=True), within], axis=2)
+        inside = shares.min(axis=2).argmax(axis=1)  # the triangle that the place is in, or the nearest
+        values = shares[np.arange(len(some)), inside]
+        values[np.abs(values) < _ROUNDING] = 0.0
+        hats[some[:, None], triangles[inside]] = values / values.sum(axis=1, keepdims=True)
+    return hats

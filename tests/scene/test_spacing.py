@@ -1,0 +1,225 @@
+"""`spacing`: gaps farther apart than the nodes, each for a patch of the face."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scene_builders import box, two_boxes
+from scipy.sparse import eye_array
+from simulating import simulated
+
+import romdam
+from romdam.config import parse_config
+from romdam.core.errors import ConfigError
+from romdam.error.metrics import relative_l2
+from romdam.pipelines.check import check
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.scene.mortar.gaps import FaceGaps
+from romdam.scene.mortar.surface import Surface
+from romdam.scene.patches import coarsen_gaps
+from romdam.scene.stress.sections import gaps_above
+
+EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
+
+
+def floating_pair(element="hex8", left=1.0, right=1.0, **joint):
+    """Two boxes of 4 x 2 x 12 m over each other at y = 2, held far from the joint."""
+    return {
+        "blocks": {
+            "left": box([0, 0, 0], [4, 2, 12], [1.0, 2.0, left], element),
+            "right": box([0, 2, 0], [4, 2, 12], [1.0, 2.0, right], element),
+        },
+        "supports": [{"block": "left", "face": "ymin"}, {"block": "right", "face": "ymax"}],
+        "joints": {"c": {"between": ["left", "right"], "normal_stiffness": 1e9} | joint},
+    }
+
+
+PAIRS = {
+    "node to node": ({}, 3.0),
+    "a length that divides nothing": ({}, 2.7),
+    "longer than the face is wide": ({}, 9.0),
+    "corners of quadratic facets": ({"element": "hex20", "gaps": "corners"}, 3.0),
+    "mortar, meshes that do not match": ({"right": 1.5}, 3.0),
+    "mortar of triangles": ({"element": "tet10"}, 3.0),
+}
+
+
+@pytest.fixture(params=PAIRS.values(), ids=PAIRS)
+def pair(request, make):
+    """A scene with a gap for every node, and one with `spacing`."""
+    keys, spacing = request.param
+    return make(floating_pair(**keys)), make(floating_pair(**keys, spacing=spacing)), spacing
+
+
+def forces_on(scene, pressure):
+    """Forces on the nodes of the right block (nodes, 3) of a contact force on every gap."""
+    joint = scene.joints["c"]
+    forces = np.zeros((len(scene.blocks["right"].points), 3))
+    np.add.at(forces, joint.nodes[1], joint.weights[1].T @ (pressure[:, None] * joint.axes[:, 0]))
+    return forces
+
+
+def test_areas_add_up_and_points_are_as_far_apart_as_asked(pair):
+    every, some, spacing = pair
+    joint = some.joints["c"]
+    assert len(joint.area) < len(every.joints["c"].area)
+    assert joint.area.sum() == pytest.approx(48.0, rel=1e-12) and (joint.area > 0.0).all()
+    apart = np.linalg.norm(joint.position[:, None] - joint.position, axis=2) + 1e9 * np.eye(len(joint.area))
+    assert 0.7 * min(spacing, 4.0) <= apart.min(axis=1).min() and apart.min(axis=1).max() <= 1.5 * spacing
+    corners = {(x, 2.0, z) for x in (0.0, 4.0) for z in (0.0, 12.0)}
+    assert corners <= {tuple(place) for place in np.round(joint.position, 9)}
+
+
+def test_a_rigid_motion_of_a_side_opens_every_gap_by_what_it_moves_there(pair):
+    _, some, _ = pair
+    joint, rng = some.joints["c"], np.random.default_rng(1)
+    shift, turn = rng.normal(size=(2, 3))
+    points = some.blocks["right"].points[joint.nodes[1]]
+    jump = joint.weights[1] @ (shift + np.cross(turn, points))
+    exact = shift + np.cross(turn, joint.weights[1] @ points)  # a mortar weight is a mean around its corner
+    np.testing.assert_allclose(jump, exact, atol=1e-12)
+    at_point = (joint.at_point or joint.weights)[1] @ (shift + np.cross(turn, points))
+    np.testing.assert_allclose(at_point, shift + np.cross(turn, joint.position), atol=1e-9)
+
+
+def test_node_to_node_jumps_are_those_at_the_points(make):
+    joint = make(floating_pair(spacing=3.0)).joints["c"]
+    scene = make(floating_pair(spacing=3.0))
+    points = scene.blocks["right"].points[joint.nodes[1]]
+    np.testing.assert_allclose(joint.weights[1] @ points, joint.position, atol=1e-12)
+
+
+def test_uniform_pressure_is_the_same_on_every_node(pair):
+    every, some, _ = pair
+    exact, found = (forces_on(scene, 3e5 * scene.joints["c"].area) for scene in (every, some))
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-9 * np.abs(exact).max())
+
+
+def test_pressure_that_grows_linearly_has_its_force_and_moment(make):
+    """Node to node, where the gaps of all nodes have both exactly, but for the lumping of the mesh."""
+    resultants = []
+    for spacing in ({}, {"spacing": 3.0}):
+        scene = make(floating_pair(**spacing))
+        joint = scene.joints["c"]
+        points = scene.blocks[joint.face.block].points
+        nodes = 1e5 * (1.0 + points[:, 2] / 7.0 - points[:, 0] / 5.0)
+        force = forces_on(scene, joint.of_corners(nodes) * joint.area)
+        points = scene.blocks["right"].points
+        resultants.append(np.append(force.sum(axis=0), np.cross(points, force).sum(axis=0)))
+    np.testing.assert_allclose(*resultants, rtol=1e-10)
+
+
+def test_water_in_the_joint_weighs_the_same(make):
+    forces = []
+    for spacing in ({}, {"spacing": 3.0}):
+        raw = floating_pair(**spacing)
+        raw["loads"] = {"joint_water": [{"joints": ["c"], "level": 9.3}]}
+        joint = make(raw).joints["c"]
+        arm = np.cross(joint.position, joint.water[:, None] * joint.axes[:, 0])
+        forces.append(np.append(joint.water_resultant, arm.sum(axis=0)))
+    np.testing.assert_allclose(*forces, rtol=1e-10, atol=1e-6)
+
+
+def test_what_is_above_a_section_is_the_same(make):
+    """Uniform pressure: the part of the area above the plane, which cuts facets."""
+    above = []
+    for spacing in ({}, {"spacing": 3.0}):
+        raw = floating_pair(**spacing)
+        plane = {"blocks": ["right"], "normal": [0, 0, 1], "point": [1, 3, 7.3]}
+        raw["outputs"] = {"stress": {"blocks": ["right"], "sections": {"s": plane}}}
+        scene = make(raw)
+        joint = scene.joints["c"]
+        above.append(joint.area @ gaps_above(joint, scene.stress.sections[0], scene.blocks))
+    np.testing.assert_allclose(above, 4.0 * (12.0 - 7.3), rtol=1e-7)
+
+
+def test_nodes_that_are_farther_apart_keep_their_gaps(make):
+    every, some = make(two_boxes()).joints["c"], make(two_boxes(spacing=0.5)).joints["c"]
+    assert np.array_equal(every.position, some.position) and some.patches is None
+    assert abs(every.weights[0] - some.weights[0]).max() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"spacing": 3.0, "normal_stiffness": {"per_gap": 1e9}}, "`spacing` changes the number of gaps"),
+        ({"spacing": 0.0}, r"joints\.c\.spacing"),
+        ({"spacing": "automatic"}, "spacing"),
+        ({"spacing": "auto"}, "spacing: auto of joint c needs transient.accuracy"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(make, keys, message):
+    with pytest.raises(ConfigError, match=message):
+        make(floating_pair(**keys))
+
+
+def test_a_face_that_turns_around_a_corner_is_refused():
+    position = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, -1], [1, 1, -1]])
+    normal = np.array([[0.0, 0, 1]] * 4 + [[1.0, 0, 0]] * 2)
+    one = eye_array(6).tocsr()
+    gaps = FaceGaps(
+        (np.arange(6),) * 2, position, position, normal, np.ones(6), np.arange(6), (one, one), None
+    )
+    surface = Surface("left", position, np.array([[0, 1, 2, 3], [1, 4, 5, 2]]))
+    with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
+        coarsen_gaps(gaps, surface, 5.0, "s.yaml: joints.c")
+
+
+def shaken(spacing=None, **changes):
+    """Openings of the example's coarse mesh with friction, and where they are."""
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    raw["joints"]["contraction"] |= {"friction": 0.6, "shear_stiffness": "8 GPa/m"}
+    raw["joints"]["contraction"] |= {"spacing": spacing} if spacing else {}
+    config = parse_config(raw | changes, EXAMPLE.name)
+    scene = build_scene(config, EXAMPLE.parent, EXAMPLE.name)
+    system = reduce_scene(scene, config.model, config.damping).system
+    time = np.arange(0.0, 3.0, 0.0025)
+    ground = np.zeros((3, len(time)))
+    ground[1] = 4.0 * np.sin(14.0 * time) * np.sin(np.pi * time / 3.0)
+    history = simulated(system, ground, 0.0025, stride=4, initial_state="undeformed")
+    return history, scene.joints["contraction"]
+
+
+def test_openings_are_those_of_all_gaps_but_for_what_the_spacing_leaves():
+    """The mesh itself leaves 6 %."""
+    (every, whole), (some, joint) = shaken(), shaken("5 m")
+    assert len(joint.area) < 0.4 * len(whole.area)
+    pair = [int(np.argmin(np.linalg.norm(whole.position - place, axis=1))) for place in joint.position]
+    at = np.linalg.norm(whole.position[pair] - joint.position, axis=1) < 1e-6
+    wanted = every.jump[:, np.array(pair)[at], 0]
+    assert relative_l2(some.jump[:, at, 0], wanted) < 0.003
+    assert max(abs(some.energy["residual"])) < 1e-9 * max(abs(some.energy["input"]))
+
+
+def test_auto_takes_what_the_accuracy_allows_and_the_result_says_it(tmp_path, caplog):
+    caplog.set_level("INFO")
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    raw["joints"]["contraction"]["spacing"] = "auto"
+    raw["records"][0]["file"] = str(EXAMPLE.parent / raw["records"][0]["file"])
+    raw["outputs"] |= {"plots": False, "mesh_error": False}
+    taken = {}
+    raw["model"] = {"modes": 10}
+    for accuracy in ("20 %", "0.01 %"):
+        raw["transient"] = {"accuracy": accuracy, "duration": "3 s"}
+        path = tmp_path / f"{accuracy.split()[0]}.yaml"
+        path.write_text(yaml.safe_dump(raw))
+        with romdam.open_result(romdam.run(path, tmp_path / path.stem).paths[0]) as result:
+            stated = json.loads(result.dataset.attrs["configuration"])["joints"]["contraction"]["spacing"]
+            taken[accuracy] = stated, result.dataset.sizes["gap"]
+    assert taken["0.01 %"] == (None, 100)
+    spacing, gaps = taken["20 %"]
+    assert spacing > 5.0 and gaps < 50
+    assert "which change the openings by about" in caplog.text
+
+
+def test_check_says_that_spacing_is_left_to_the_run(tmp_path):
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    raw["joints"]["contraction"]["spacing"] = "auto"
+    raw["transient"] = {"accuracy": "1 %", "duration": "2 s"}
+    raw["records"][0]["file"] = str(EXAMPLE.parent / raw["records"][0]["file"])
+    path = tmp_path / "c.yaml"
+    path.write_text(yaml.safe_dump(raw))
+    assert "spacing: auto are (contraction); every node has one here" in " ".join(check(path).skipped)
