@@ -46,6 +46,7 @@ _DRIVEN = 1e-5  # of the most driven mode; those that mirror nothing of the load
 _EXACT = 1e-6  # of the largest jump, what may be left out
 _MIRRORED = 1e-5  # of a state, what may be left out of it
 _LEAST = 1e-9  # of the largest omega^2: modes below it are rigid motions, and no lowest frequency
+_PROOFS = 12  # random forces on all groups, by whose jumps merging is proved
 _SHIFTS, _ABOVE = 5, 1e3  # values of s at which merging is proved, up to so many times the largest omega^2
 
 
@@ -132,9 +133,11 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
         if np.abs((at_gaps - spread @ at_groups).toarray()).max() > _EXACT * np.abs(system.B @ Q).max():
             return None  # jumps at the gaps' positions differ within a group
         smaller = replace(smaller, at_point=csr_matrix(at_groups))
+    # random forces on the groups: every unit force would take as long as the reduction of large joints
+    forces = np.random.default_rng(1).uniform(-1.0, 1.0, (len(jumps), _PROOFS))
     for s in _shifts(system):
-        whole = _jumps(system, active, mean.T.toarray(), s)
-        left_out = np.abs(whole - spread @ _jumps(smaller, active, np.eye(len(jumps)), s)).max(axis=0)
+        whole = _jumps(system, active, mean.T @ forces, s)
+        left_out = np.abs(whole - spread @ _jumps(smaller, active, forces, s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
     return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
