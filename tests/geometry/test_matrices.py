@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from nastran_frames import write_frames
 from scipy.io import mmwrite
 from scipy.sparse import csr_matrix, tril
 
@@ -191,18 +192,53 @@ def test_names_that_are_not_there_or_not_needed(tmp_path):
         read(tmp_path, **keys | {"names": {"mass": "M"}})
 
 
-def test_grid_points_that_move_in_another_system_are_refused(tmp_path):
+def test_grid_points_that_move_in_a_system_that_is_not_given_are_refused(tmp_path):
     keys = write_extseout(tmp_path, *of_mesh())
     text = (tmp_path / "km.pch").read_text()
     head, _, rest = text.partition("GRID*")
     second = rest.index("\n*") + 2 + 7 + 16
     (tmp_path / "km.pch").write_text(head + "GRID*" + rest[:second] + f"{10:16d}" + rest[second + 16 :])
     with pytest.raises(
-        MeshError, match=r"GRID 10 is in coordinate system 0 and moves in 10, expected 0 and 0"
+        MeshError, match=r"GRID 10 moves in coordinate system 10, which is not given as CORD2R"
     ):
+        read(tmp_path, **keys)
+    (tmp_path / "km.pch").write_text(head + "GRID*" + rest[:8] + rest[8:].replace(f"{0:16d}", f"{7:16d}", 1))
+    with pytest.raises(MeshError, match=r"its GRID cannot be read .*coordinate system 7 is not given"):
         read(tmp_path, **keys)
     (tmp_path / "km.pch").write_text(text.replace("EXTRN ", "EXTRA "))
     with pytest.raises(MeshError, match=r"km\.pch: has no EXTRN that can be read"):
+        read(tmp_path, **keys)
+
+
+@pytest.mark.parametrize("place", ["pch", "bdf"])
+def test_rows_along_displacement_systems_are_turned(place, tmp_path):
+    mesh = block()
+    K, M, unknowns = of_mesh()
+    rng = np.random.default_rng(1)
+    force, C = rng.normal(size=len(unknowns)), 0.02 * K.toarray() + 3.0 * M.toarray()
+    own = read(tmp_path, **write_frames(tmp_path, mesh, K.toarray(), M.toarray(), C, force, place))
+    assert (own.unknowns.labels == unknowns.labels).all() and own.unknowns.axes is None
+    assert np.allclose(own.unknowns.position, unknowns.position, rtol=0.0, atol=1e-12)
+    for read_back, true in ((own.K, K.toarray()), (own.M, M.toarray()), (own.C, C)):
+        assert np.abs(read_back.toarray() - true).max() < 1e-11 * np.abs(true).max()
+    assert np.abs(own.force - force).max() < 1e-11
+
+
+def test_rows_without_a_direction_are_turned_where_what_is_held_is_an_axis(tmp_path):
+    """A quarter turn about z with its second motion held holds -x: what is left is y and z."""
+    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    K = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, 0.25], [0.5, 0.25, 2.0]])
+    op4.write(str(tmp_path / "km.op4"), {"KXX": K, "MXX": np.diag([1.0, 2.0, 3.0])})
+    head = ["EXTRN,1,13,2,4", "GRID,1,,1.,2.,3.,6", "GRID,2,,4.,5.,6.,6"]
+    quarter = "CORD2R,6,,0.,0.,0.,0.,0.,1.\n,0.,1.,0."  # its x is y, its y is -x
+    (tmp_path / "km.pch").write_text("\n".join([*head, quarter, ""]))
+    keys = {"stiffness": "km.op4", "mass": "km.op4", "unknowns": "km.pch"}
+    own = read(tmp_path, **keys)
+    assert own.unknowns.labels.tolist() == [[1, 1], [1, 2], [2, 4]]  # y, z, and the rotation about y
+    assert own.K.toarray() == pytest.approx(K, abs=1e-15)
+    oblique = "CORD2R,6,,0.,0.,0.,0.,0.,1.\n,1.,1.,0."
+    (tmp_path / "km.pch").write_text("\n".join([*head, oblique, ""]))
+    with pytest.raises(MeshError, match="node 1 moves along x, z of its own coordinate system alone"):
         read(tmp_path, **keys)
 
 

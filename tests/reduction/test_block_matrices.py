@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gravity_dams import FOUNDATION, gravity_dam
+from nastran_frames import write_frames
 from scipy.io import mmread
 from scipy.linalg import eigh
 from scipy.sparse import block_diag, csr_matrix
@@ -64,9 +65,9 @@ def ground(steps=300):
     return np.stack([0.3 * np.sin(70.0 * t), 20.0 * np.sin(45.0 * t), 0.5 * np.cos(30.0 * t)])
 
 
-def history(scene, model=ALL, damping=DAMPING):
+def history(scene, model=ALL, damping=DAMPING, integrator="modal"):
     system = reduce_scene(scene, model, damping).system
-    return simulated(system, ground(), 0.002)
+    return simulated(system, ground(), 0.002, integrator)
 
 
 def same(own, other, digits=1e-9):
@@ -95,6 +96,33 @@ def test_frequencies_are_those_that_calculix_finds_of_its_matrices():
     modes = natural_modes(built(config), DAMPING, 3)
     assert modes.freq == pytest.approx([37.34752, 37.34752, 73.16226], rel=2e-7)
     assert modes.total_mass == pytest.approx(4 * 4 * 8 * 2400.0)
+
+
+@pytest.mark.parametrize("place", ["pch", "bdf"])
+def test_nodes_that_move_along_systems_of_nastran_give_the_same_frequencies_and_openings(place, tmp_path):
+    """With damping and a load of its own; the nodes' rows were turned by hand."""
+    config = raw(0.7)
+    right = built(config).blocks["right"]
+    K, M = (matrix.toarray() for matrix in assemble(right))
+    C, force = 2e-4 * K + 1.5 * M, 1e3 * np.random.default_rng(5).normal(size=len(K))
+    keys = write_frames(tmp_path, right, K, M, C, force, place)
+    basic = np.repeat(10 * (np.arange(len(right.points)) + 1), 3)
+    with creating(tmp_path / "b.h5") as file:
+        unknowns = Unknowns(
+            basic, np.tile(np.arange(3), len(right.points)), np.repeat(right.points, 3, axis=0)
+        )
+        write_unknowns(file, unknowns)
+        for key, matrix in (("stiffness", K), ("mass", M), ("damping", C)):
+            write_matrix(file, key, csr_matrix(matrix))
+        file["force"] = force[:, None]
+    unturned = dict.fromkeys(("stiffness", "mass", "damping", "unknowns", "force"), "b.h5")
+    config["blocks"]["right"]["matrices"] = keys
+    own = built(config, tmp_path)
+    config["blocks"]["right"]["matrices"] = unturned
+    other = built(config, tmp_path)
+    freq = [natural_modes(scene, DAMPING, 6).freq for scene in (own, other)]
+    assert freq[0] == pytest.approx(freq[1], rel=1e-9)
+    same(*(history(scene, integrator="generalized_alpha") for scene in (own, other)))
 
 
 def exported(scene, folder, model=None, damping=DAMPING):

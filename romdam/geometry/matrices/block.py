@@ -16,7 +16,8 @@ from romdam.core.scene import Block, Scene
 from romdam.core.system import BlockMatrices
 from romdam.geometry.matrices.checks import Checked, check_matrices
 from romdam.geometry.matrices.data import Unknowns
-from romdam.geometry.matrices.files import FileMatrices, Numbered, read_matrices
+from romdam.geometry.matrices.files import FileMatrices, read_matrices
+from romdam.geometry.meshes.data import Numbered
 from romdam.geometry.nearest import tree
 
 log = logging.getLogger(__name__)

@@ -46,11 +46,14 @@ class Unknowns:
     node : (n,) number
     motion : (n,) 0, 1, 2 displacement along x, y, z; 3, 4, 5 rotation about them; 6 anything else
     position : (n, 3) of the node [m]; NaN where the file has none
+    axes : (n, 3) unit vectors that motions are along, or about, in x, y, z, where `motion` counts axes of the
+        node's own; None where all are x, y, z
     """
 
     node: Ints
     motion: Ints
     position: Floats
+    axes: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.node)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,11 +12,13 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.config.sections.geometry.matrices import MatricesConfig
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError, ResultError
 from romdam.core.files import check_file
 from romdam.geometry.matrices import hdf5, nastran, text
 from romdam.geometry.matrices.data import Entries, Unknowns, from_labels, sparse
+from romdam.geometry.matrices.frames import in_basic, turned, turned_vectors, with_frames
+from romdam.geometry.meshes.data import Numbered
 from romdam.geometry.meshes.files import FORMATS, read_mesh_file
 
 LARGEST = 4e9  # bytes of a file
@@ -34,14 +36,12 @@ UNITS = {
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
-Numbered = tuple[Ints, Floats]
-"""Numbers of nodes, and their positions (n, 3) [m]."""
-
+_NASTRAN = (".op4", ".pch")  # whose rows are along the axes that GRID gives to a node
 _NAMED = (".op4", ".pch", ".h5", ".hdf5")  # files that may hold several matrices
 _MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
     **dict.fromkeys((".mtx", ".sti", ".mas", ".dam", ".txt"), text.read_text),
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
-    **dict.fromkeys((".op4", ".pch"), nastran.read_nastran),
+    **dict.fromkeys(_NASTRAN, nastran.read_nastran),
 }
 _UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
     ".dof": text.read_dof,
@@ -57,7 +57,7 @@ class FileMatrices:
 
     Attributes
     ----------
-    unknowns : of every row, with the positions of all that move
+    unknowns : of every row, with the positions of all that move, along x, y, z
     K, M, C : (n, n) symmetric; C None without
     inertia : (n, 3), or None
     force : (n,)
@@ -90,20 +90,24 @@ def read_matrices(config: MatricesConfig, folder: Path, mesh: Numbered | None, l
     unknowns = reader.unknowns(stiffness, mesh)
     first = int(min(stiffness.row.min(initial=1), stiffness.column.min(initial=1)) > 0)
     length, mass, time = UNITS[config.units]
+    basic, R = in_basic(unknowns, reader.at("stiffness" if config.unknowns is None else "unknowns"))
     unit = np.where(unknowns.motion < 3, 1.0 / length, 1.0)  # displacement in the file's unit of one in SI
     energy = mass * length**2 / time**2
 
     def matrix(key: str, entries: Entries, factor: float) -> csr_matrix:
         values = sparse(entries, unknowns, first, reader.at(key))
-        return csr_matrix(values.multiply(unit[:, None]).multiply(energy * factor * unit[None, :]))
+        scaled = csr_matrix(values.multiply(unit[:, None]).multiply(energy * factor * unit[None, :]))
+        return turned(scaled, R)
 
     def vectors(key: str, width: int, factor: float) -> Floats | None:
         values = reader.columns(key, (len(unknowns), width))
-        return None if values is None else np.asarray(energy * factor * unit[:, None] * values)
+        if values is None:
+            return None
+        return turned_vectors(np.asarray(energy * factor * unit[:, None] * values), R)
 
     force = vectors("force", 1, 1.0)
     return FileMatrices(
-        unknowns,
+        basic,
         matrix("stiffness", stiffness, 1.0),
         matrix("mass", reader.entries("mass"), time**2),
         None if config.damping is None else matrix("damping", reader.entries("damping"), time),
@@ -185,7 +189,7 @@ class _Reader:
                 f"{location}: {np.count_nonzero(counts > 1)} unknowns are given twice, the first is "
                 f"{unknowns.name(k)}, limit once; number nodes and directions anew"
             )
-        unknowns = Unknowns(unknowns.node, unknowns.motion, unknowns.position * UNITS[self.config.units][0])
+        unknowns = replace(unknowns, position=unknowns.position * UNITS[self.config.units][0])
         return self._placed(unknowns, mesh, location)
 
     def _placed(self, unknowns: Unknowns, mesh: Numbered | None, location: str) -> Unknowns:
@@ -193,8 +197,10 @@ class _Reader:
         lacking = (unknowns.motion < 6) & np.isnan(unknowns.position).any(axis=1)
         numbered = self._nodes() if self.config.nodes is not None else mesh
         position = unknowns.position.copy()
+        if numbered is not None and unknowns.axes is None and self._along_frames():
+            unknowns = with_frames(unknowns, numbered.frames, location)
         if lacking.any() and numbered is not None:
-            number, points = numbered
+            number, points, _ = numbered
             order = np.argsort(number, kind="stable")
             at = np.minimum(np.searchsorted(number[order], unknowns.node), len(number) - 1)
             same = lacking & (number[order][at] == unknowns.node)
@@ -207,7 +213,13 @@ class _Reader:
                 f"the first is {unknowns.name(k)}; give {self.location}.nodes, with these numbers, or call "
                 "what has no place `internal`"
             )
-        return Unknowns(unknowns.node, unknowns.motion, position)
+        return replace(unknowns, position=position)
+
+    def _along_frames(self) -> bool:
+        """Tell whether the matrices' rows are along the frames of a mesh file: Nastran's, without GRID."""
+        rows = self.config.unknowns
+        external = rows is not None and rows.suffix.lower() in (".pch", ".asm")
+        return self.path("stiffness").suffix.lower() in _NASTRAN and not external
 
     def _nodes(self) -> Numbered:
         path, length = self.path("nodes"), UNITS[self.config.units][0]
@@ -215,12 +227,12 @@ class _Reader:
             file = read_mesh_file(path, f"{self.location}.nodes")
             for remark in file.remarks:
                 log.warning("%s: %s", path, remark)
-            return file.tags, file.points * length
+            return Numbered(file.tags, file.points * length, file.frames)
         if path.suffix.lower() != ".csv":
             raise MeshError(f"{self.at('nodes')}: known endings are .csv, {', '.join(FORMATS)}")
         check_file(path, LARGEST, MeshError)
         number, points = text.read_nodes(path, self.at("nodes"))
-        return number, points * length
+        return Numbered(number, points * length)
 
     def _opened(self, key: str, formats: dict[str, T]) -> T:
         path = self.path(key)

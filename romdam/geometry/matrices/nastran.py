@@ -1,7 +1,8 @@
 """Nastran's matrices: OUTPUT4 (.op4), and DMIG in punch files (.pch), read by pyYeti.
 
 EXTSEOUT writes the matrices of an external superelement into an .op4 file, and EXTRN, which has the node and
-direction of every row in the matrices' order, and the grid points into .pch and .asm files.
+direction of every row in the matrices' order, and the grid points with their coordinate systems into .pch and
+.asm files.
 
 Not by pyNastran 1.4, which needs numpy 1. pyYeti 1.4 holds a DMIG as a dense table.
 """
@@ -17,6 +18,8 @@ from scipy.sparse import coo_array
 
 from romdam.core.errors import MeshError, listed, quote
 from romdam.geometry.matrices.data import INTERNAL, Entries, Unknowns, motion_of
+from romdam.geometry.matrices.frames import with_frames
+from romdam.geometry.meshes.formats.nastran import read_grid_points
 
 _LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
 _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
@@ -78,32 +81,28 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
 
 
 def read_external(path: Path, location: str) -> Unknowns:
-    """Read the rows of an external superelement's matrices from EXTRN, and their positions from GRID.
+    """Read the rows of an external superelement's matrices from EXTRN, and positions and axes from GRID.
 
     Raises
     ------
     MeshError
-        without pyYeti, without EXTRN, and for grid points in another coordinate system than the basic one.
+        without pyYeti, without EXTRN, and for coordinate systems that the file does not give.
     """
     pyyeti = _pyyeti(location)
     try:
         rows = np.asarray(pyyeti.bulk.rdextrn(str(path), expand=True), dtype=np.int64).reshape(-1, 2)
-        read = pyyeti.bulk.rdgrids(str(path))
-        grids = np.zeros((0, 8)) if read is None else np.asarray(read, dtype=float).reshape(-1, 8)
     except _DAMAGE as error:
         raise MeshError(f"{location}: has no EXTRN that can be read ({quote(str(error))})") from error
-    point = {int(grid[0]): grid for grid in grids}
+    try:
+        number, points, frames = read_grid_points(path)
+    except (ValueError, MeshError) as error:
+        raise MeshError(f"{location}: its GRID cannot be read ({quote(str(error))})") from None
     motion, position = motion_of(rows[:, 1], location), np.full((len(rows), 3), np.nan)
+    at = {tag: k for k, tag in enumerate(number.tolist())}
     for k in np.flatnonzero(motion != INTERNAL).tolist():
-        if (grid := point.get(int(rows[k, 0]))) is None:
-            continue
-        if grid[1] or grid[5]:
-            raise MeshError(
-                f"{location}: GRID {rows[k, 0]} is in coordinate system {grid[1]:g} and moves in "
-                f"{grid[5]:g}, expected 0 and 0; let Nastran write it in the basic system"
-            )
-        position[k] = grid[2:5]
-    return Unknowns(rows[:, 0], motion, position)
+        if (grid := at.get(int(rows[k, 0]))) is not None:
+            position[k] = points[grid]
+    return with_frames(Unknowns(rows[:, 0], motion, position), frames, location)
 
 
 def _pyyeti(location: str) -> Any:

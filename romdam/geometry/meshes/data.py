@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,6 +58,28 @@ class Fault:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """Axes along which a node moves that does not move along x, y and z.
+
+    Attributes
+    ----------
+    system : number of its coordinate system in the file
+    axes : (3, 3), one a row, in x, y, z; None where the file does not give the system
+    """
+
+    system: int
+    axes: Floats | None = None
+
+
+class Numbered(NamedTuple):
+    """Numbers of nodes (n,), their positions (n, 3) [m], and the frames of those that have some."""
+
+    number: Ints
+    points: Floats
+    frames: Mapping[int, Frame] = {}
+
+
+@dataclass(frozen=True)
 class MeshFile:
     """Content of a mesh file.
 
@@ -73,6 +96,7 @@ class MeshFile:
     unsound : label, or `EVERYTHING` -> why a job must not name it
     unsound_faces : label -> why a job must not name it as a face
     left_out : label, or `EVERYTHING` -> types of its elements that no block is made of, and how many
+    frames : number of a node whose displacement is not along x, y, z -> along what, for matrices
     """
 
     points: Floats
@@ -86,6 +110,7 @@ class MeshFile:
     unsound: dict[str, str] = field(default_factory=dict)
     unsound_faces: dict[str, str] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
+    frames: dict[int, Frame] = field(default_factory=dict)
 
     def refuse_unsound(self, label: str, members: list[Ints], dim: int, location: str) -> None:
         """Refuse a group, or `EVERYTHING`, that a job names and that is not sound.

@@ -12,10 +12,10 @@ from romdam.config.quantities import to_si
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
-from romdam.core.scene import Block, Bools, Floats, Ints, Material
+from romdam.core.scene import Block, Bools, Ints, Material
 from romdam.geometry.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
 from romdam.geometry.facets import all_facets, boundary_facets, facet_keys, row_numbers
-from romdam.geometry.meshes.data import EVERYTHING, LARGEST, MeshFile
+from romdam.geometry.meshes.data import EVERYTHING, LARGEST, MeshFile, Numbered
 from romdam.geometry.meshes.formats.abaqus import read_abaqus
 from romdam.geometry.meshes.formats.ansys import read_ansys
 from romdam.geometry.meshes.formats.aster import read_aster
@@ -114,10 +114,10 @@ class MeshFiles:
             block = refine(block, f"{location}.refine")
         return block
 
-    def numbered(self, config: MeshFileConfig) -> tuple[Ints, Floats]:
-        """Numbers of the nodes in the file of a block that has been made, and their positions (n, 3) [m]."""
+    def numbered(self, config: MeshFileConfig) -> Numbered:
+        """The numbered nodes in the file of a block that has been made."""
         file = self._read[self.folder / config.file]
-        return file.tags, file.points * to_si(f"1 {config.unit}", "m")
+        return Numbered(file.tags, file.points * to_si(f"1 {config.unit}", "m"), file.frames)
 
     def unused(self) -> list[str]:
         """Say which solid elements of the files belong to no block."""

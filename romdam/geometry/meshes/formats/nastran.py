@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -17,12 +18,13 @@ import numpy as np
 
 from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
-from romdam.core.scene import Floats
+from romdam.core.scene import Floats, Ints
 from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
     EVERYTHING,
     LARGEST,
     Cells,
+    Frame,
     MeshFile,
     by_value,
     cannot_be_read,
@@ -30,6 +32,7 @@ from romdam.geometry.meshes.data import (
     missing_ids,
 )
 
+_ON_AXIS = 1e-8  # of a point's distance from the origin: nearer to the z axis it is on it
 _DEEPEST = 10  # of files that include each other
 _KINDS = {  # entry -> number of nodes -> what it holds
     name: {cell.nodes: cell for cell in CELLS.values() if name in cell.nastran}
@@ -108,7 +111,9 @@ class _Deck:
     tags: list[int] = field(default_factory=list)
     points: list[tuple[float, float, float]] = field(default_factory=list)
     system: list[int | None] = field(default_factory=list)  # of every grid point; None takes GRDSET's
-    default: int | None = None
+    moves: list[int | None] = field(default_factory=list)  # system of its displacement; None as above
+    default: int = 0
+    default_moves: int = 0
     systems: dict[int, tuple[str, int, Floats]] = field(default_factory=dict)  # kind, reference, A B C
     rows: dict[str, list[list[int]]] = field(default_factory=dict)  # cell -> number, property, nodes
     others: Counter[str] = field(default_factory=Counter)  # elements that are not read
@@ -125,7 +130,7 @@ class _Deck:
         elif name in _KINDS:
             self.read_element(entry)
         elif name == "GRDSET":
-            self.default = entry.whole(2, 0)
+            self.default, self.default_moves = entry.whole(2, 0), self.system_of_motion(entry) or 0
         elif name in _SYSTEMS:
             corners = np.array([entry.real(k) for k in range(3, 12)]).reshape(3, 3)
             system = (name, entry.whole(2, 0), corners)
@@ -148,7 +153,14 @@ class _Deck:
         self.tags.append(entry.whole(1))
         self.points.append((entry.real(3), entry.real(4), entry.real(5)))
         self.system.append(entry.whole(2) if entry.fields[1:2] > [""] else None)
+        self.moves.append(self.system_of_motion(entry))
         self.blank += not all(entry.fields[2:5]) or len(entry.fields) < 5
+
+    @staticmethod
+    def system_of_motion(entry: _Entry) -> int | None:
+        """Field CD; None where it is blank, -1 (a fluid's) where it is no number: meshes need none."""
+        word = "".join(entry.fields[5:6])
+        return int(word) if re.fullmatch(r"\d{1,18}", word) else -1 if word else None
 
     def read_element(self, entry: _Entry) -> None:
         """Read a solid or a shell."""
@@ -172,18 +184,51 @@ class _Deck:
     def in_basic(self) -> Floats:
         """The grid points in the basic coordinate system."""
         points = np.array(self.points, dtype=float).reshape(-1, 3)
-        systems = np.array([self.default or 0 if s is None else s for s in self.system], dtype=np.int64)
+        systems = np.array([self.default if s is None else s for s in self.system], dtype=np.int64)
         for system in np.unique(systems[systems != 0]):
             points[systems == system] = self.to_basic(points[systems == system], int(system), ())
         return points
 
-    def to_basic(self, points: Floats, system: int, above: tuple[int, ...]) -> Floats:
-        """Points of a system given by its origin A, a point B on its z axis and a point C in its x-z plane.
+    def frames(self, points: Floats) -> dict[int, Frame]:
+        """Number of each grid point that has a displacement coordinate system -> its axes.
 
-        Coordinates are x, y, z, cylindrical (r, theta, z) or spherical (r, theta from z, phi) in degrees.
+        Parameters
+        ----------
+        points : of all grid points, in the basic system
         """
-        if system == 0:
-            return points
+        frames = {}
+        for tag, moves, point in zip(self.tags, self.moves, points, strict=True):
+            system = self.default_moves if moves is None else moves
+            if system:
+                frames[tag] = Frame(system)
+                with suppress(ValueError):  # not given: nothing but matrices asks for it
+                    frames[tag] = Frame(system, self.axes_at(point, system))
+        return frames
+
+    def axes_at(self, point: Floats, system: int) -> Floats:
+        """Axes (3, 3) along which a grid point moves in a coordinate system, one a row, in the basic system.
+
+        Those of r, theta and z, or of r, theta (from z) and phi, at the point; on the z axis of a cylindrical
+        or spherical system, where they are none, those of the rectangular system with its points A, B, C.
+        """
+        kind, origin, axes = self.defined(system, ())
+        x, y, z = axes @ (point - origin)
+        across = float(np.hypot(x, y))
+        if kind == "CORD2R" or across <= _ON_AXIS * max(1.0, float(np.abs(point - origin).max())):
+            return axes
+        cos, sin = x / across, y / across
+        if kind == "CORD2C":
+            return np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ axes
+        r = float(np.hypot(across, z))
+        up, out = z / r, across / r  # cosine and sine of theta
+        at_point = [[out * cos, out * sin, up], [up * cos, up * sin, -out], [-sin, cos, 0.0]]
+        return np.array(at_point) @ axes
+
+    def defined(self, system: int, above: tuple[int, ...]) -> tuple[str, Floats, Floats]:
+        """Kind, origin (3,) and rectangular axes (3, 3), one a row, of a coordinate system, in the basic one.
+
+        It is given by its origin A, a point B on its z axis and a point C in its x-z plane.
+        """
         if system not in self.systems or system in above:
             what = "refers to itself" if system in above else "is not given as CORD2R, CORD2C or CORD2S"
             raise ValueError(f"coordinate system {system} {what}; export with basic coordinates")
@@ -195,6 +240,16 @@ class _Deck:
             j = j / np.linalg.norm(j)
         if not np.isfinite([k, j]).all():
             raise ValueError(f"the three points of coordinate system {system} lie on a line")
+        return kind, A, np.stack([np.cross(j, k), j, k])
+
+    def to_basic(self, points: Floats, system: int, above: tuple[int, ...]) -> Floats:
+        """Points of a system in the basic one.
+
+        Coordinates are x, y, z, cylindrical (r, theta, z) or spherical (r, theta from z, phi) in degrees.
+        """
+        if system == 0:
+            return points
+        kind, origin, axes = self.defined(system, above)
         if kind != "CORD2R":
             r, theta, third = points.T
             along, across = r * np.cos(np.radians(theta)), r * np.sin(np.radians(theta))
@@ -203,7 +258,27 @@ class _Deck:
             else:
                 phi = np.radians(third)
                 points = np.stack([across * np.cos(phi), across * np.sin(phi), along], axis=1)
-        return A + points @ np.stack([np.cross(j, k), j, k])
+        return origin + points @ axes
+
+
+def read_grid_points(path: Path) -> tuple[Ints, Floats, dict[int, Frame]]:
+    """Read the grid points of bulk data that need not be a whole model, such as a punch file.
+
+    Returns
+    -------
+    numbers (n,); positions (n, 3) in the basic system; displacement axes of those that have some
+
+    Raises
+    ------
+    MeshError, ValueError
+        for lines that are no entries, and for coordinate systems of positions that are not given.
+    """
+    deck = _Deck()
+    for entry in _entries(_lines(path, (), str(path))):
+        if not deck.ended and entry.name in ("GRID", "GRDSET", "ENDDATA", *_SYSTEMS):
+            deck.read(entry)
+    points = deck.in_basic()
+    return np.array(deck.tags, dtype=np.int64), points, deck.frames(points)
 
 
 def read_nastran(path: Path, location: str) -> MeshFile:
@@ -225,6 +300,7 @@ def read_nastran(path: Path, location: str) -> MeshFile:
         if not deck.ended:
             raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
         points = deck.in_basic()
+        frames = deck.frames(points)
     except ValueError as error:
         raise cannot_be_read(location, "nastran", str(error)) from None
     cells, properties = [], []
@@ -253,6 +329,7 @@ def read_nastran(path: Path, location: str) -> MeshFile:
         remarks=(*remarks, *missing_ids(cells)),
         unsound=unsound,
         unsound_faces={str(p): what for (dim, p), what in deck.unread.items() if dim == 2},
+        frames=frames,
     )
 
 
