@@ -174,7 +174,7 @@ def test_window_steps_through_times_and_fields(result):
     ("options", "words"),
     [
         (["--window", "3", "1"], "goes from a first to a later second"),
-        (["--frames", "0"], "greater than or equal to 1"),
+        (["--frames", "0"], "--frames"),  # what follows differs by the version of typer
     ],
 )
 def test_wrong_options_are_refused(result, options, words):
