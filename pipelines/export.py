@@ -6,7 +6,7 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.config.load import Job, naming_lines
+from romdam.config.load import Job, naming_lines, with_lines
 from romdam.core.errors import ConfigError, listed, placed
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.threads import one_thread
@@ -81,8 +81,8 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         motion = Motion(record.name, acc, dt, stride)
     with clock.stage("scene", "building the scene"), placed(job.path):
         scene = scene_of(job)
-        for line in scene.remarks:
-            log.warning("%s: %s", job.path, line)
+        for line in with_lines(job, scene.remarks):
+            log.warning("%s", line)
         config, law = job.config, None
         if gap_law(scene).grout.any():
             law = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from romdam.config.load import Job
+from romdam.config.load import Job, line_named, with_lines
 from romdam.config.plausible import check_assumptions
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -34,9 +34,19 @@ def log_warnings(job: Job, motions: Sequence[GroundMotion]) -> None:
 
 
 def job_warnings(job: Job, motions: Sequence[GroundMotion]) -> tuple[str, ...]:
-    """Collect the warnings about a job: old names of keys, values, the scene, then each motion."""
-    of_records = (f"{motion.name}: {text}" for motion in motions for text in _of_motion(job, motion))
-    return (*job.renamed, *check_assumptions(job.config), *job.scene_warnings, *of_records)
+    """Collect the warnings about a job: old names of keys, values, the scene, then each motion.
+
+    Each that tells of a key names the file and the line.
+    """
+    of_records = (
+        f"{line_named(job, text)}{motion.name}: {text}"
+        for motion in motions
+        for text in _of_motion(job, motion)
+    )
+    return (
+        *with_lines(job, (*job.renamed, *check_assumptions(job.config), *job.scene_warnings)),
+        *of_records,
+    )
 
 
 def with_scene_warnings(scene: Scene, job: Job) -> Job:
@@ -53,7 +63,7 @@ def with_scene_warnings(scene: Scene, job: Job) -> Job:
 def log_scene_warnings(scene: Scene, job: Job) -> Job:
     """Add the warnings about its scene to a job, and log them."""
     job = with_scene_warnings(scene, job)
-    for line in job.scene_warnings:
+    for line in with_lines(job, job.scene_warnings):
         log.warning("%s", line)
     return job
 
@@ -97,7 +107,7 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
             cuts = max(1, round(motion.dt / interval))
             better = motion.dt / cuts if interval < motion.dt else round(interval / motion.dt) * motion.dt
             yield (
-                f"outputs.output_interval of {interval:.6g} s and the record's {motion.dt:.6g} s have no "
+                f"outputs.output_interval: {interval:.6g} s and the record's {motion.dt:.6g} s have no "
                 f"common step of a useful size: steps of {base:.3g} s pass by its samples and lose "
                 f"{share:.2g} of its acceleration in L2, {peak:.2g} of its peak at most; {better:.6g} s "
                 "loses nothing"
@@ -106,16 +116,15 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
         content = content_frequency(motion.acc, motion.dt, _CONTENT)
         if dt > motion.dt * (1.0 + 1e-9):
             yield (
-                f"transient.finest_step of {dt:g} s is longer than the record's {motion.dt:g} s, "
-                "it is smoothed"
+                f"transient.finest_step: {dt:g} s is longer than the record's {motion.dt:g} s, it is smoothed"
             )
         elif dt > 1.0 / (_STEPS * content):
             yield (
-                f"transient.finest_step of {dt:g} s makes {1.0 / (dt * content):.2g} steps of a period at "
+                f"transient.finest_step: {dt:g} s makes {1.0 / (dt * content):.2g} steps of a period at "
                 f"{content:.3g} Hz, below which lies {_CONTENT:.0%} of its power; {_STEPS:g} are usual"
             )
     if seconds is not None and seconds < motion.duration * (1.0 - 1e-6):
-        text = f"transient.duration cuts the record at {seconds:g} s, it has {motion.duration:g} s"
+        text = f"transient.duration: cuts the record at {seconds:g} s, it has {motion.duration:g} s"
         peak, arias = analysed_share(motion, seconds)
         if peak < 1.0 or arias < _STRONG:
             text += (
@@ -124,4 +133,4 @@ def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
             )
         yield text
     elif seconds is not None and seconds > 2.0 * motion.duration:
-        yield f"transient.duration of {seconds:g} s goes on long after the record, {motion.duration:g} s"
+        yield f"transient.duration: {seconds:g} s goes on long after the record, {motion.duration:g} s"

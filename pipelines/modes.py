@@ -9,7 +9,7 @@ from typing import Literal
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, load_config, naming_lines, with_lines
 from romdam.core.errors import ConfigError, ResultError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
@@ -77,8 +77,8 @@ def modes(
     folder = prepare_folder(Path(out))
     with clock.stage("scene", "building the scene"), placed(job.path):
         built = build_scene(job.config, job.folder, str(job.path))
-        for line in built.remarks:
-            log.warning("%s: %s", job.path, line)
+        for line in with_lines(job, built.remarks):
+            log.warning("%s", line)
         scene = _with_joints(job, built, options.joints)
     with clock.stage("modes", "finding the modes"), placed(job.path):
         solving = Solving(job.config.model.solver, job.config.model.memory)

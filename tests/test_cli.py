@@ -452,9 +452,15 @@ def test_what_is_unusual_is_said_by_check_and_by_run_and_kept(config, tmp_path):
     raw["materials"]["concrete"]["rho"] = "24.4 kg/m3"
     edited(config, materials=raw["materials"], transient={"finest_step": "2 ms", "duration": "0.3 s"})
     said = "materials.concrete.rho: 24.4 kg/m3 is unusual"
-    assert f"warning: {said}" in call("check", config)[1]
+    lines = config.read_text().split("\n")
+    line = next(k for k, text in enumerate(lines) if "rho:" in text) + 1
+    assert f"warning: {config}:{line}: {said}" in call("check", config)[1]
     code, _, stderr = call_alone("run", config, "--out", tmp_path / "o")
-    assert code == 0 and said in stderr and "cuts the record at 0.3 s, it has 0.59 s" in stderr
+    assert (
+        code == 0
+        and f"{config}:{line}: {said}" in stderr.replace("\n", "")
+        and "cuts the record at 0.3 s, it has 0.59 s" in stderr
+    )
     assert said in xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs["configuration_doubts"]
 
 
@@ -472,7 +478,8 @@ def test_damping_of_what_slides_is_said_by_check_and_by_run_and_kept(config, tmp
     raw["joints"]["bed"] |= {"shear_stiffness": "8 GPa/m", "friction": 0.1}
     for damping in ({"modal": "5 %"}, {"rayleigh": {"alpha": 2.86, "beta": "1e-3 s"}}):
         edited(config, joints=raw["joints"], damping=damping, **changes)
-        assert f"warning: {said}" in call("check", config)[1]
+        line = config.read_text().split("\n").index("damping:") + 1
+        assert f"warning: {config}:{line}: {said}" in call("check", config)[1]
     caplog.clear()
     assert call("run", config, "--out", tmp_path / "o")[0] == 0 and said in caplog.text
     assert said in xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs["configuration_doubts"]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial, wraps
 from pathlib import Path
@@ -133,31 +134,69 @@ def naming_lines(function: Callable[Params, Returned]) -> Callable[Params, Retur
         except RomdamError as error:
             job = args[0] if args else kwargs.get("job")
             if isinstance(job, str | Path):
-                path, file, replaced = Path(job), Path(job), dict[str, Location]()
-            elif isinstance(job, Job):
-                path, file, replaced = job.path, job.file, dict(job.replaced)
-            else:
+                with suppress(RomdamError):  # what keeps a file from being read names its line already
+                    job = load_config(job)
+            if not isinstance(job, Job):
                 raise  # a mapping or a Config has no lines
-            if file.is_file():
+            if job.file.is_file():
                 if isinstance(error, RecordError) and error.key and str(error).startswith(error.key):
-                    error.args = (f"{path}: {error}",)
-                rows = (_with_line(row, path, file, replaced) for row in str(error).split("\n"))
+                    error.args = (f"{job.path}: {error}",)
+                rows = (_with_line(row, job) for row in str(error).split("\n"))
                 error.args = ("\n".join(rows), *error.args[1:])
             raise
 
     return wrapped
 
 
-def _with_line(message: str, path: Path, file: Path, replaced: Mapping[str, Location]) -> str:
+def _with_line(message: str, job: Job) -> str:
     """A message that begins with a job's path and a key of it, with the key's line between them."""
-    text = message.removeprefix(f"{path}: ")
-    key, written = key_at(text)
-    if text == message or not key or key[0] not in Config.model_fields:
+    text = message.removeprefix(f"{job.path}: ")
+    if text == message:
         return message
+    return f"{line_named(job, text) or f'{job.path}: '}{text}"
+
+
+def with_lines(job: Job, messages: Iterable[str]) -> tuple[str, ...]:
+    """Warnings, each that begins with a key of a job with the job's file and the key's line before it."""
+    texts = (message.removeprefix(f"{job.path}: ") for message in messages)
+    return tuple(f"{line_named(job, text)}{text}" for text in texts)
+
+
+def line_named(job: Job, message: str) -> str:
+    """File and line of the key that a message begins with, `file:line: `; empty where it has none.
+
+    What a dam of a few keys or a cut makes has the line of the section that makes it.
+    """
+    key, written = key_at(message)
+    if not key or key[0] not in Config.model_fields or job.given is not None or not job.file.is_file():
+        return ""
     dotted = written.replace("[", ".").replace("]", "")
-    changed = [at for name, at in replaced.items() if f"{dotted}.".startswith(f"{name}.")]
-    line = line_of(file, next(iter(changed), key), missing=0)  # 0: joints.base_1, which a gravity dam makes
-    return f"{path}:{line}: {text}" if line else message
+    changed = [at for name, at in job.replaced.items() if f"{dotted}.".startswith(f"{name}.")]
+    line = line_of(job.file, next(iter(changed), _written_at(job.config, key)), missing=0)
+    return f"{job.path}:{line}: " if line else ""
+
+
+def _written_at(config: Config, key: Location) -> Location:
+    """The key that stands in the file for one that names a block or a joint which other sections make."""
+    group, *rest = key
+    dam = "gravity_dam" if config.gravity_dam else "arch_dam"
+    name = rest[0] if rest else ""
+    if group == "joints" and rest and name not in config.joints:
+        for path, names in config.joint_places.items():
+            if name in names and path != f"joints.{name}":
+                kind, *where = path.split(".")
+                if kind == "cut":  # a block's name may have a point
+                    where = [path.removeprefix("cut.").removesuffix(".joints"), "joints"]
+                return (kind, *where, *rest[1:])
+    if group == "blocks" and name not in config.blocks:
+        whole = next((cut for cut, section in config.cut.items() if name in section.into), None)
+        if whole is not None:
+            return "cut", whole, "into"
+        if config.dam:
+            return (dam, "rock") if str(name).startswith("rock_") else (dam,)
+    if group == "ties" and name not in config.ties and config.dam:
+        return (dam,)
+    return key
 
 
 def load_config(source: Source, folder: str | Path | None = None) -> Job:

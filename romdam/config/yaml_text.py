@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
@@ -147,21 +148,41 @@ def write_yaml(value: object) -> str:
 def line_of(path: Path, key: Sequence[int | str], missing: int = 1) -> int:
     """Line, from 1, of a key of a file that has been read; of what it would stand in where it is missing.
 
+    A key of an anchor's section has its line there, whether the section is used as a whole (`*name`) or its
+    keys are taken into another one (`<<: *name`).
+
     Parameters
     ----------
     missing : what a key has of whose sections not even the first is in the file
     """
-    node, line = _Loader(path.read_text(encoding="utf-8-sig")).get_single_node(), missing
+    node, line = _composed(path.read_text(encoding="utf-8-sig")), missing
     for word in key:
-        entries = node.value if isinstance(node, yaml.MappingNode) else ()
-        below = {name.value: (name, value) for name, value in entries}
-        if isinstance(node, yaml.SequenceNode):
-            below = {k: (value, value) for k, value in enumerate(node.value)}
+        below = _entries(node)
         if word not in below:
             break
         name, node = below[word]
         line = name.start_mark.line + 1
     return line
+
+
+@lru_cache(maxsize=1)  # a job's messages ask for line after line
+def _composed(text: str) -> yaml.Node | None:
+    return _Loader(text).get_single_node()
+
+
+def _entries(node: yaml.Node | None) -> dict[int | str, tuple[yaml.Node, yaml.Node]]:
+    """What stands in a node: key, or number in a list -> the node that names it and its value."""
+    if isinstance(node, yaml.SequenceNode):
+        return {k: (value, value) for k, value in enumerate(node.value)}
+    if not isinstance(node, yaml.MappingNode):
+        return {}
+    merged: dict[int | str, tuple[yaml.Node, yaml.Node]] = {}
+    for name, value in node.value:
+        if name.tag == _TAG + "merge":
+            sections = value.value if isinstance(value, yaml.SequenceNode) else [value]
+            for section in reversed(sections):  # the first that has a key counts
+                merged |= _entries(section)
+    return merged | {name.value: (name, value) for name, value in node.value if name.tag != _TAG + "merge"}
 
 
 def _foreign(call: Callable[[], Value], source: str, text: str) -> Value:

@@ -191,7 +191,7 @@ def _unjoined(scene: Scene) -> list[str]:
         if area > _EDGE * min(faces[name].areas.min() for name in pair):
             first, second = sorted(pair)
             remarks.append(
-                f"blocks {first!r} and {second!r} touch over {area:.4g} m2, and neither a joint nor a tie is "
-                "between them: they will pass through each other; name one, unless it is meant"
+                f"blocks: {first!r} and {second!r} touch over {area:.4g} m2, and neither a joint nor a tie "
+                "is between them: they will pass through each other; name one, unless it is meant"
             )
     return remarks

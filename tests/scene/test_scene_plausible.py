@@ -69,7 +69,7 @@ ODD = {
         "loads.joint_water[0].level: 90 m is above all blocks, which reach to 2 m",
     ),
     "half a face": (shifted(1.0), "joints.c: the faces lie on each other over 2 m2", "of 4 m2 of 'left'"),
-    "no joint": (without_joint(), "blocks 'left' and 'right' touch over 4 m2", "neither a joint nor a tie"),
+    "no joint": (without_joint(), "blocks: 'left' and 'right' touch over 4 m2", "neither a joint nor a tie"),
     "millimetres": (
         {
             "blocks": {"a": box([0, 0, 0], [5e4, 5e4, 5e4], 1e4)},
