@@ -15,9 +15,9 @@ from romdam.config.stated import stated_keys
 from romdam.core.display_units import SI, US
 from romdam.error.statement import opening_errors, sentences
 from romdam.pipelines.report import report_run
-from romdam.visual.report.document import A4, LETTER, set_sheets
+from romdam.visual.report.document import A4, LETTER, _column_widths, set_sheets
 from romdam.visual.report.one_run import RunSubject, run_report
-from romdam.visual.report.parts import Fact, Report, Section, Table, Text
+from romdam.visual.report.parts import Cell, Fact, Report, Section, Table, Text
 
 NIST = {  # SP 811, appendix B.8: what one unit is in SI, to its seven digits
     ("m", 25.4e-3): "in", ("m2", 9.290304e-2): "ft²", ("N", 4448.222): "kip", ("Pa", 6894.757): "psi",
@@ -189,3 +189,15 @@ def test_options_of_the_other_kind_of_report_are_refused(result, options, reason
     path = str(result.path.parent / options[0])
     made = CliRunner().invoke(app, ["report", path, *options[1:]], env={"COLUMNS": "200"})
     assert made.exit_code == 2 and reason in made.output
+
+
+def test_a_long_path_leaves_room_for_the_texts_beside_it():
+    """Of 500 points path and text share what the key leaves; no column gets more than it needs."""
+    key, path, text = (Cell(words) for words in ("records[0].file", "/data/" * 20, "What it is. " * 20))
+    widths = _column_widths([[key, path, text]], [False] * 3, 8.0, 500.0)
+    whole, path_wide, text_wide = widths
+    assert whole == pytest.approx(_column_widths([[key]], [False], 8.0, 500.0)[0])
+    assert path_wide >= 150.0 and text_wide == pytest.approx(path_wide, abs=1.0)
+    assert widths.sum() == pytest.approx(500.0 - 2 * 7.0, abs=0.1)
+    short = _column_widths([[key, Cell("1"), text]], [False] * 3, 8.0, 500.0)
+    assert short[1] < 10.0 and short.sum() == pytest.approx(500.0 - 2 * 7.0, abs=0.1)

@@ -44,6 +44,9 @@ _LINE = 1.35  # height of a line over that of its letters
 _GAP, _PAD = 7.0, 2.2  # points between columns, and above and below a row
 _LEAST_DPI = 150  # of a picture, which is not drawn larger
 _MOST_HIGH = 0.72  # of a sheet that a picture may take
+_LONGEST_WORD = (
+    0.3  # of a sheet's width that a word, such as a path, makes a column wide; a longer one is cut
+)
 _SOFT = "#59636e"
 
 
@@ -251,19 +254,18 @@ def _column_widths(
         [[max((_width(w, size, True) for w in c.text.split()), default=0.0) for c in row] for row in rows]
     )
     whole = np.array([[_width(c.text, size, False) for c in row] for row in rows])
-    least = np.minimum(words.max(axis=0), 0.4 * width)
+    least = np.minimum(words.max(axis=0), _LONGEST_WORD * width)
     wished = np.where(
         right, np.maximum(least, whole[1:].max(axis=0, initial=0.0)), np.maximum(least, whole.max(axis=0))
     )
-    room = width - _GAP * (len(right) - 1) - least.sum()
-    more = wished - least
-    if more.sum() <= room or room <= 0.0:
-        return wished if room > 0.0 else least
-    level = np.sort(more)  # every column gets what it wishes up to a level that the room allows
-    for k, value in enumerate(level):
-        if level[:k].sum() + value * (len(level) - k) > room:
-            return least + np.minimum(more, (room - level[:k].sum()) / (len(level) - k))
-    return wished
+    room = width - _GAP * (len(right) - 1)
+    if wished.sum() <= room or least.sum() >= room:
+        return wished if least.sum() < room else least
+    low, high = 0.0, room  # every column gets what it wishes up to a width that the room allows
+    for _ in range(40):
+        level = 0.5 * (low + high)
+        low, high = (level, high) if np.clip(level, least, wished).sum() <= room else (low, level)
+    return np.clip(low, least, wished)
 
 
 def _lines(text: str, size: float, width: float, bold: bool = False) -> list[str]:

@@ -194,7 +194,7 @@ def _joints_table(subject: RunSubject) -> Table:
     for name, size in zip(names, area, strict=True):
         between = " – ".join(str(block) for block in dataset.joint_blocks.sel(joint=name).values)
         rows.append([name, between, int((of_gaps == name).sum()), size, laws.get(name, "")])
-    return Table(["joint", "blocks I – J", "gaps", f"area [{unit}]", "law"], rows, "Joints")
+    return Table(["joint", "blocks I–J", "gaps", f"area [{unit}]", "law"], rows, "Joints")
 
 
 def loads_section(subject: RunSubject) -> Section:
@@ -279,7 +279,7 @@ def joints_section(subject: RunSubject) -> Section | None:
     columns: list[tuple[str, str, str]] = [("peak_opening", "m", "largest opening")]
     columns += [
         ("peak_mean_compressive_stress", "Pa", "compression, mean of an interval"),
-        ("peak_compressive_stress", "Pa", "at one instant"), ("peak_slip", "m", "largest slip"),
+        ("peak_compressive_stress", "Pa", "compression at one instant"), ("peak_slip", "m", "largest slip"),
     ]  # fmt: skip
     head, values = ["joint"], list[list[Value]]()
     for variable, units, text in columns:
@@ -289,7 +289,7 @@ def joints_section(subject: RunSubject) -> Section | None:
             values.append(list(numbers))
     times = [peak_opening_time(dataset, name) for name in names]
     head.insert(2, "at [s]")
-    values.insert(1, ["–" if when is None else f"{when:.2f}" for when in times])
+    values.insert(1, [Cell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
     rows = [list(row) for row in zip(names, *values, strict=True)]
     return Section("joints", "Joints", [
         Table(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
@@ -352,7 +352,7 @@ def stress_section(subject: RunSubject) -> Section | None:
                 judged.append([name, str(basis), ratio, *words])
         head = ["face", "stress", "demand-capacity ratio", *kinds]
         parts.append(Table(head, judged, f"Acceptance for a tensile strength of {strength}"))
-        parts += [Text(f"Limits of a {kind}: {LIMITS[kind]}.", soft=True) for kind in kinds]
+        parts += [Text(f"Limits of {kind}s: {LIMITS[kind]}.", soft=True) for kind in kinds]
         source = "After EM 1110-2-6053 (2007), chapter 4, as later papers quote it: check the limits there."
         parts.append(
             Text(f"{source} A face that fails calls for nonlinear analysis of its concrete.", soft=True)
@@ -373,7 +373,16 @@ def maxima_section(subject: RunSubject) -> Section:
     ]  # which have a table of their own
     for row in stated:
         (value,), unit = subject.column(row.unit, [row.value])
-        rows.append([row.quantity, value, unit or unit_text(row.unit), row.where, row.when or "–", row.note])
+        rows.append(
+            [
+                row.quantity,
+                value,
+                unit or unit_text(row.unit),
+                row.where,
+                Cell(row.when or "–", "n"),
+                row.note,
+            ]
+        )
     head = ["quantity", "value", "unit", "where", "time [s]", "note"]
     notes = [Text(text, soft=True) for text in explained(stated)]
     return Section("maxima", "Largest values", [
