@@ -179,9 +179,10 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
 
     The given mesh and one of elements of twice the size are run first, or of half where there is none of
     twice. If neither keeps the share, elements of quadratic displacements follow, of twice the size, then as
-    given, with gaps at the corners of their faces where such joints can be made, of which there are a third;
-    then each mesh is refined until one does. The error of a mesh is stated as by `romdam verify
-    --mesh`, from a sibling of the same kind; what a coarser one states beyond 3 % is asked of a finer one.
+    given. Quadratic elements, also given ones, have gaps at the corners of their faces where such joints can
+    be made, of which there are a third. Then each mesh is refined until one does. The error of a mesh is
+    stated as by `romdam verify --mesh`, from a sibling of the same kind; what a coarser one states beyond 3 %
+    is asked of a finer one.
 
     Parameters
     ----------
@@ -199,7 +200,8 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
     kinds = {"": job} if quadratic is None else {"": job, "quadratic ": quadratic}
     for kind, mesh in kinds.items():
         size, last, coarse, points = 1.0, tried.mesh(f"{kind}elements as given", mesh), None, ""
-        if kind and (corners := _gaps_at_corners(mesh)) is not None:
+        # a job that has no other elements may have quadratic ones already
+        if (kind or quadratic is None) and (corners := _gaps_at_corners(mesh)) is not None:
             name = tried.mesh(f"{last}, gaps at corners", corners)
             if tried.can_run(name):
                 mesh, last, points = corners, name, ", gaps at corners"

@@ -39,7 +39,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
-from romdam.pipelines.automatic_modes import choose_modes
+from romdam.pipelines.automatic_modes import choose_modes, with_modes
 from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
@@ -407,8 +407,12 @@ def choose_mesh_and_modes(
         seconds = job.config.transient.duration
         trial_job = with_compared_stress(with_modes_chosen(job, [motion], clock, store))
 
+        automatic = job.config.model.modes == "auto"
+
         def run_mesh(on_mesh: Job, name: str) -> Trial:
             start = cpu_time()
+            if automatic and on_mesh.config.model.modes == "all":  # of a small mesh; of a finer one too many
+                on_mesh = with_modes_chosen(with_modes(on_mesh, "auto"), [motion], Clock(silent), store)
             log.debug("%s: begins", name)
             with clock.show(f"choosing the mesh: {name}") as progress:
                 model = with_stress(build_model(on_mesh, Clock(silent), store))

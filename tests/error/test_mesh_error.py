@@ -11,7 +11,7 @@ import yaml
 from test_cli import SMALL, call
 
 from romdam.core.errors import ResultError
-from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.discretisation import OVER_COARSER, OVER_COARSER_QUADRATIC, MeshRun, discretisation
 
 TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}
@@ -203,6 +203,15 @@ def test_what_moves_converges_faster_on_quadratic_elements():
     stated = discretisation(replace(sibling, quadratic=True), run, finer=True, about=ABOUT)
     for name in expected:  # 1.5 of it to a finer mesh, whatever the elements
         assert stated.errors[name].l2 == pytest.approx(0.15, rel=1e-9)
+
+
+def test_a_coarser_mesh_that_resolves_nothing_shows_no_order_of_quadratic_elements():
+    """The arch dam with one element through its thickness: 65 %, then 21 %, an order of 1.6."""
+    run, sibling = run_of((1.0, 1.0, 1.0)), run_of((1.65, 1.65, 1.65))
+    stated = discretisation(replace(run, quadratic=True), sibling, finer=False, about=ABOUT)
+    assert stated.errors["opening"].l2 == pytest.approx(OVER_COARSER * 0.65)
+    near = discretisation(replace(run, quadratic=True), run_of((1.2, 1.2, 1.2)), finer=False, about=ABOUT)
+    assert near.errors["opening"].l2 == pytest.approx(OVER_COARSER_QUADRATIC * 0.2)
 
 
 def test_peaks_that_agree_by_chance_are_those_of_all_places():

@@ -1,6 +1,7 @@
 """`transient.accuracy: {total: ...}`: the mesh that is chosen where every error is known, and a run."""
 
 import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,10 +12,13 @@ from scene_builders import two_boxes
 from test_cli import SMALL, call
 
 from romdam.config import load_config, parse_config
+from romdam.config.sections.transient import TotalAccuracy
 from romdam.core.errors import ConfigError, MeshError
 from romdam.error.discretisation import MeshRun
 from romdam.error.statement import accuracy_warnings
+from romdam.pipelines import run as run_module
 from romdam.pipelines.automatic_mesh import Trial, choose_mesh
+from romdam.pipelines.automatic_modes import with_modes
 
 TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}
@@ -130,7 +134,7 @@ def test_a_large_error_that_a_coarser_mesh_states_is_asked_of_a_finer_one():
 
 def test_elements_that_are_quadratic_stay_so_and_are_refined():
     name, _, stated = chosen(Errors(0.0, quadratic=0.001), 0.0015, "hex20")
-    assert name == "elements of 0.5 times the size" and stated <= 0.0012
+    assert name == "elements of 0.5 times the size, gaps at corners" and stated <= 0.0012
 
 
 def test_where_the_coarser_mesh_does_not_run_the_finer_one_judges():
@@ -169,6 +173,31 @@ def test_a_run_chooses_states_and_keeps_its_total(tmp_path):
     assert code == 0 and "was chosen: the mesh may leave 8 % of the total of 10 %" in text
     (tried,) = [line for line in text.splitlines() if line.startswith("meshes tried   ")]
     assert tried.count(" unknowns, ") == len(document["meshes"]) and ", chosen" in tried
+
+
+def test_a_mesh_so_small_that_all_its_modes_are_taken_does_not_refine_with_all_modes(monkeypatch):
+    """Every mesh that is tried after it chooses its own number; with all modes 15,918 are diagonalised."""
+    taken = []
+
+    def modes_of(job, motions, clock, store=None):
+        small = len(taken) == 0
+        taken.append(job.config.model.modes)
+        return with_modes(job, "all" if small else 30)
+
+    def build(job, clock, store):
+        built.append(job.config.model.modes)
+        raise ConfigError("enough")
+
+    built = []
+    monkeypatch.setattr(run_module, "with_modes_chosen", modes_of)
+    monkeypatch.setattr(run_module, "build_model", build)
+    job = job_of()
+    transient = job.config.transient.model_copy(update={"accuracy": TotalAccuracy(total=0.02)})
+    job = replace(job, config=job.config.model_copy(update={"transient": transient}))
+    motion = SimpleNamespace(peak=1.0, name="pulse", duration=4.0)
+    with pytest.raises(ConfigError, match="enough"):
+        run_module.choose_mesh_and_modes(job, [motion], run_module.Clock(run_module.silent))
+    assert taken[:2] == ["auto", "auto"] and built[0] == 30
 
 
 @pytest.mark.parametrize(
