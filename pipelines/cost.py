@@ -10,9 +10,9 @@ from dataclasses import replace
 from romdam.config.load import Job
 from romdam.core.errors import describe_error, recoverable
 from romdam.core.motion import GroundMotion
-from romdam.core.system import GapLaw
+from romdam.core.system import System
 from romdam.core.threads import cpu_time
-from romdam.error.estimate import WINDOW
+from romdam.error.estimate import LATE, QUIET, WINDOW, rocks_on_joints
 from romdam.pipelines.error.estimate import with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling
 from romdam.pipelines.simulation import Model, settings_for, simulate_motion
@@ -26,15 +26,17 @@ COSTS = ("start", "reduction", *_MOTION, "results", "figures")
 _PARTS = 4  # of the record, at equal distances: strong motion is some of them
 _FIRST = 0.01  # of the record, each part, to begin with: they tell how long the others may be
 _ROWS = 5.0  # written rows of a part at least
+_START_UP = (
+    0.15  # [s] of a part at least: begun from rest amid shaking, joints slip and open as in no later one
+)
 _BUDGET = 1.0  # s of CPU in the integration of the longer parts
-_LONGER = 2.0  # times as long they are at least
+_LONGER = 3.0  # times as long they are at least, so that the start counts little in what is between
 # s of CPU, from 0.6 to 1.5 times as much by the machine and its other work
 _START = 3.0  # to load libraries and compiled code
 _RESULTS = 0.7  # to write a result, or a summary
 _BYTES = 2.3e-8  # for each byte of a result
 _FIGURES = 1.0  # to draw the figures of a result
 _JOINT_FIGURES = 0.6  # for each of its joints
-_QUIET = 0.02  # of the record's squared acceleration, at either end: joints hardly move, see `error.estimate`
 
 
 def run_costs(
@@ -55,13 +57,13 @@ def run_costs(
     """
     strongest = max(motions, key=lambda motion: motion.peak)
     whole = run_seconds(job, strongest)
-    least = _ROWS * settings_for(job, model.prepared, strongest).steps.interval / whole
-    short = min(1.0, _PARTS * max(_FIRST, least))
+    least = max(_START_UP, _ROWS * settings_for(job, model.prepared, strongest).steps.interval)
+    short = min(1.0, _PARTS * max(_FIRST, least / whole))
     start = cpu_time()
     model = replace(model, stress=stress_fields(model.scene, model.reduced))
     fields = cpu_time() - start
     try:
-        _run_parts(job, model, sibling, strongest, short)  # compiles
+        _run_parts(job, model, sibling, strongest, short, only_one=True)  # compiles
         costs = _run_parts(job, model, sibling, strongest, short)
         if short < 1.0:
             share = min(1.0, short * max(_LONGER, _BUDGET / max(costs["integration"], 1e-6)))
@@ -69,7 +71,7 @@ def run_costs(
                 share = max(short, min(share, _PARTS * WINDOW / whole))
             costs = of_whole(short, costs, share, _run_parts(job, model, sibling, strongest, share))
             if share < 1.0:
-                costs["estimate"] *= estimated_share(model.system.law, strongest, whole)
+                costs["estimate"] *= estimated_share(model.system, strongest, whole)
     except recoverable() as error:  # no reason to refuse the job: only these parts begin from rest
         log.info(
             "the time of a run is unknown: a short part of %s: %s", strongest.name, describe_error(error)
@@ -104,17 +106,21 @@ def run_seconds(job: Job, motion: GroundMotion) -> float:
     return job.config.transient.duration or motion.duration
 
 
-def estimated_share(law: GapLaw, motion: GroundMotion, whole: float) -> float:
-    """Share of a run over which its estimate goes, as far as the record tells.
+def estimated_share(system: System, motion: GroundMotion, whole: float) -> float:
+    """Share of a run of `whole` seconds over which its estimate goes, as far as the record tells.
 
-    All of it where joints remember; without shear a window at the largest opening; else while they move.
+    All of it where joints remember; without shear a window at the largest opening; else while they move, less
+    long where blocks rock, see `romdam.error.estimate`. Openings move as long as the ground does.
     """
+    law = system.law
     if law.laws:
         return 1.0
     if law.directions == 1:
         return min(1.0, WINDOW / whole)
-    spans = significant_duration(moving(motion.acc), motion.dt, _QUIET, 1.0 - _QUIET)
-    return min(1.0, max(float(spans.max()), WINDOW) / whole)
+    late = LATE if rocks_on_joints(system) else QUIET
+    shaken = moving(motion.acc[:, : math.ceil(whole / motion.dt) + 1])  # what follows is not run
+    spans = significant_duration(shaken, motion.dt, QUIET, 1.0 - late).tolist()
+    return min(1.0, max([WINDOW, *(span for span in spans if span > WINDOW)]) / whole)
 
 
 def record_parts(motion: GroundMotion, whole: float, share: float) -> list[GroundMotion]:
@@ -142,11 +148,17 @@ def of_whole(
 
 
 def _run_parts(
-    job: Job, model: Model, sibling: Sibling | NoSibling | None, motion: GroundMotion, share: float
+    job: Job,
+    model: Model,
+    sibling: Sibling | NoSibling | None,
+    motion: GroundMotion,
+    share: float,
+    *,
+    only_one: bool = False,
 ) -> dict[str, float]:
     """CPU seconds of running a share of a record, in parts at equal distances, each from rest."""
-    costs = dict.fromkeys(_MOTION, 0.0)
-    for window in record_parts(motion, run_seconds(job, motion), share):
+    costs, parts = dict.fromkeys(_MOTION, 0.0), record_parts(motion, run_seconds(job, motion), share)
+    for window in parts[:1] if only_one else parts:
         length = run_seconds(job, motion) if share >= 1.0 else window.duration
         transient = job.config.transient.model_copy(update={"duration": length})
         cut = replace(job, config=job.config.model_copy(update={"transient": transient}))

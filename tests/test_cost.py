@@ -22,8 +22,8 @@ def motion(seconds, dt=0.01, shaken=(0.0, 1.0)):
     return GroundMotion("m", acc, dt)
 
 
-def law(directions=1, laws=()):
-    return SimpleNamespace(directions=directions, laws=laws)
+def system(directions=1, laws=(), floating=False):
+    return SimpleNamespace(law=SimpleNamespace(directions=directions, laws=laws), floating=floating)
 
 
 def test_parts_are_a_share_of_the_record_at_equal_distances():
@@ -41,10 +41,27 @@ def test_parts_are_a_share_of_the_record_at_equal_distances():
 
 def test_an_estimate_goes_over_a_window_while_joints_move_or_over_all():
     record = motion(60.0, shaken=(0.25, 0.75))
-    assert cost.estimated_share(law(), record, 60.0) == pytest.approx(0.1)  # 6 s of 60
-    assert cost.estimated_share(law(3), record, 60.0) == pytest.approx(0.48, abs=0.005)  # 96 % of half of it
-    assert cost.estimated_share(law(3, ("bond",)), record, 60.0) == 1.0
-    assert cost.estimated_share(law(), record, 4.0) == 1.0
+    assert cost.estimated_share(system(), record, 60.0) == pytest.approx(0.1)  # 6 s of 60
+    slides = cost.estimated_share(system(3), record, 60.0)
+    assert slides == pytest.approx(0.48, abs=0.005)  # 96 % of half of it
+    assert cost.estimated_share(system(3, ("bond",)), record, 60.0) == 1.0
+    assert cost.estimated_share(system(), record, 4.0) == 1.0
+    assert cost.estimated_share(system(3), motion(60.0, shaken=(0.0, 0.0)), 60.0) == pytest.approx(0.1)
+
+
+def test_an_estimate_ends_earlier_where_blocks_rock():
+    """Of 30 s of shaking its first 80 %, as `romdam.error.estimate` goes; with memory all the same."""
+    record = motion(60.0, shaken=(0.25, 0.75))
+    assert cost.estimated_share(system(3, floating=True), record, 60.0) == pytest.approx(0.39, abs=0.005)
+    assert cost.estimated_share(system(1, floating=True), record, 60.0) == pytest.approx(0.1)
+    assert cost.estimated_share(system(3, ("bond",), floating=True), record, 60.0) == 1.0
+
+
+def test_the_share_of_an_estimate_is_of_what_is_run():
+    """A run of 20 s sees 5 of 30 s of shaking: a window; one of 30 s sees 15 of them, 96 % of which count."""
+    record = motion(60.0, shaken=(0.25, 0.75))
+    assert cost.estimated_share(system(3), record, 20.0) == pytest.approx(6.0 / 20.0)
+    assert cost.estimated_share(system(3), record, 30.0) == pytest.approx(0.96 * 15.0 / 30.0, abs=0.005)
 
 
 def test_what_a_part_takes_whatever_its_length_counts_once():
@@ -58,7 +75,7 @@ def test_what_a_part_takes_whatever_its_length_counts_once():
     assert grew == pytest.approx({"integration": 5.0})  # no more than in proportion
 
 
-def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch):  # noqa: F811
+def test_check_runs_a_part_to_compile_then_all_short_and_longer(config, monkeypatch):  # noqa: F811
     raw = yaml.safe_load(SMALL)
     config.write_text(yaml.safe_dump(raw))
     run, lengths, estimates = cost.simulate_motion, [], []
@@ -73,7 +90,8 @@ def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch): 
 
     monkeypatch.setattr(cost, "simulate_motion", counted)
     monkeypatch.setattr(cost, "with_estimates", estimated)
-    monkeypatch.setattr(cost, "_BUDGET", 0.0)
+    for name, value in {"_BUDGET": 0.0, "_START_UP": 0.0, "_LONGER": 2.0}.items():
+        monkeypatch.setattr(cost, name, value)
     found = romdam.check(config)
     assert set(found.costs) == set(cost.COSTS) and found.costs["integration"] > 0.0
     assert found.seconds == pytest.approx(sum(found.costs.values()))
@@ -82,9 +100,15 @@ def test_check_runs_the_parts_twice_short_and_once_longer(config, monkeypatch): 
     assert found.costs["figures"] in (0.0, drawn) and found.costs["start"] > cost._START
     assert found.costs["reduction"] > 0.0, "nothing is kept for the run, which reduces again"
     assert lengths == estimates
-    assert len(lengths) == 3 * 4  # 0.05 s each, five written rows, to compile and to begin with; then 0.1 s
-    assert lengths[:8] == pytest.approx([0.05] * 8, abs=0.011)
-    assert lengths[8:] == pytest.approx([0.1] * 4, abs=0.011)
+    assert (
+        len(lengths) == 1 + 2 * 4
+    )  # 0.05 s each, five written rows, to compile and to begin with; then 0.1 s
+    assert lengths[:5] == pytest.approx([0.05] * 5, abs=0.011)
+    assert lengths[5:] == pytest.approx([0.1] * 4, abs=0.011)
+    lengths.clear()
+    monkeypatch.setattr(cost, "_START_UP", 0.15)
+    assert romdam.check(config).costs["integration"] > 0.0
+    assert lengths == pytest.approx([0.59] * 2, abs=0.011)  # four parts of 0.15 s are all of it
 
     def fails(*_):
         raise ConvergenceError("step 3 does not converge")
@@ -114,7 +138,9 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
     monkeypatch.setattr(
         cost,
         "_run_parts",
-        lambda job, model, sibling, motion, share: {n: s * share for n, s in per_share.items()},
+        lambda job, model, sibling, motion, share, only_one=False: {
+            n: s * share for n, s in per_share.items()
+        },
     )
     keys = {"transient": SimpleNamespace(duration=None), "outputs": SimpleNamespace(plots=True)}
     job = SimpleNamespace(config=SimpleNamespace(pipeline="run", **keys))

@@ -31,9 +31,9 @@ from romdam.timestepping.simulate import simulate_one
 from romdam.timestepping.step_control import jump_difference
 
 WINDOW = 6.0  # [s], a twelfth of it after the largest opening
-_QUIET = 0.02  # of a joint's squared opening increments: all that is left out at either end of the record
+QUIET = 0.02  # of a joint's squared opening increments: all that is left out at either end of the record
 _SEEN = 0.8  # of the error of a run's steps, which half of them shows; twice of them where blocks rock
-_LATE = 0.2  # of all joints' where blocks rock: models part by where they begin, not by when they end
+LATE = 0.2  # of all joints' where blocks rock: models part by where they begin, not by when they end
 _LOOSE = 1e-4  # tolerance of contact where blocks rock: sweeps end at single precision, statements are equal
 _REST = 1.0  # [s] at the window's end, over which the two models' distance is averaged
 
@@ -164,7 +164,7 @@ def _openings(
 
 def _rocking_rows(history: History, interval: float) -> slice:
     """The rows to run where blocks rock: all joints count as one."""
-    return moving_rows(history, {"all": slice(None)}, interval, _LATE)
+    return moving_rows(history, {"all": slice(None)}, interval, LATE)
 
 
 def _rows_to_run(prepared: Prepared, rows: slice, count: int) -> slice:
@@ -199,12 +199,10 @@ def run_window(
     return simulate_one(finer.prepared, shaken, only)
 
 
-def moving_rows(
-    history: History, joints: Mapping[str, slice], interval: float, late: float = _QUIET
-) -> slice:
+def moving_rows(history: History, joints: Mapping[str, slice], interval: float, late: float = QUIET) -> slice:
     """The rows in which any of the joints moves, at least `WINDOW` up to half a second after the peak.
 
-    A joint moves but for `_QUIET` of its squared opening increments at the record's beginning, and `late` at
+    A joint moves but for `QUIET` of its squared opening increments at the record's beginning, and `late` at
     its end; one that hardly does, but for those shares of what it is measured by, see `romdam.error.metrics`.
 
     Parameters
@@ -220,7 +218,7 @@ def moving_rows(
     least = FLOOR**2 * sum(motion[-1] for motion in motions)
     for motion in motions:
         size = max(motion[-1], least)
-        begin, end = np.searchsorted(motion, [_QUIET * size, motion[-1] - late * size])
+        begin, end = np.searchsorted(motion, [QUIET * size, motion[-1] - late * size])
         first, last = min(first, int(begin)), max(last, int(end) + 1)
     return slice(first, last + 1)
 

@@ -296,7 +296,7 @@ _FAULTS = [
         ("(finer - opening[rows])[-rest:].mean(axis=0)", "(finer - opening[rows])[-1:].mean(axis=0)"),
         ("/ (history.time[row] - history.time[row - 1])", "/ history.time[row]"),
         ("(jump, history.jump) if longer", "(history.jump, jump) if longer"),
-        ("motion[-1] - late * size", "motion[-1] - _QUIET * size"),
+        ("motion[-1] - late * size", "motion[-1] - QUIET * size"),
     ),
     *_in(
         "error/discretisation.py",
@@ -466,10 +466,12 @@ _FAULTS = [
     ),
     *_in(
         "pipelines/cost.py",
-        ("tests/test_cost.py", "-k", "share or costs_are or length"),
+        ("tests/test_cost.py", "-k", "share or costs_are or length or estimate_ends"),
         ("(seconds - slope * more) / _PARTS + slope", "(seconds - slope * more) + slope"),
         ("every = runs * sum(", "every = sum("),
         ("middles = [(k + 0.5) * whole", "middles = [k * whole"),
+        ("LATE if rocks_on_joints(system) else QUIET", "QUIET"),
+        ("moving(motion.acc[:, : math.ceil(whole / motion.dt) + 1])", "moving(motion.acc)"),
     ),
     *_in(
         "pipelines/simulation.py",
