@@ -47,6 +47,7 @@ class BlockBasis:
     omega2 : (m,) ascending [1/s2]
     participation : (m, 3) vectors^T M r for unit translations r along x, y, z [kg]
     report : numbers on the reduction, plain JSON values
+    massless : how many of the last vectors have no mass, and answer by their stiffness at once
     """
 
     vectors: Basis
@@ -54,3 +55,4 @@ class BlockBasis:
     omega2: Floats
     participation: Floats
     report: dict[str, object]
+    massless: int = 0

@@ -98,10 +98,11 @@ class AddedMass:
             touched = np.zeros(system.size, dtype=bool)
             for part in system.parts.values():
                 touched[part] = np.abs(B[:, part]).max(initial=0.0) > 0.0
-            wet = np.flatnonzero(touched)
+            massless = system.M.diagonal() == 0.0  # they are pressed, and take part in no inertia
+            wet = np.flatnonzero(touched & ~massless)
             k = system.K.diagonal()[wet]
             wet = np.sort(wet[np.argsort(k, kind="stable")[:_MOST]])
-            B = np.where(np.isin(np.arange(system.size), wet), B, 0.0)
+            B = np.where(np.isin(np.arange(system.size), wet) | massless, B, 0.0)
         shaken = {Motion.BASE: np.asarray(B.T @ self.ground)}
         if system.pseudo_static is not None:
             pressed = self.times(applied(self.coupling, system.pseudo_static.shapes))

@@ -63,6 +63,7 @@ class BasisFiles:
         report: dict[str, object],
         level: int = 0,
         contained: Contained | None = None,
+        massless: int = 0,
     ) -> BlockBasis:
         """Write the basis of a block as its rows come, see `BlockStore.write_streamed`.
 
@@ -70,11 +71,12 @@ class BasisFiles:
         ----------
         level : 0 for the basis, 1 for the finer one
         contained : the basis that the finer one contains, if only what it has besides is written
+        massless : how many of the last vectors have no mass
         """
         assert self.store is not None
         key, report = self.keys[level][name], report | {"method": self.method}
         block = substructure.scene.blocks[name]
-        return self.store.write_streamed(key, block, omega2, rows, inertia, report, contained)
+        return self.store.write_streamed(key, block, omega2, rows, inertia, report, contained, massless)
 
 
 class Reductor(Protocol):

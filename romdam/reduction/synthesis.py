@@ -154,8 +154,8 @@ def _reduced_scene(
             omega2[block.columns] = block.omega2
             if name not in scene.radiating:
                 load[block.columns] += block.participation
-        for name, substructure in substructures.items():
-            mass[columns[name]] = 0.0 if substructure.has_no_mass else 1.0
+        for block in basis.values():
+            mass[block.columns.stop - block.massless : block.columns.stop] = 0.0
         observe = np.zeros((3 * len(scene.probes), size))
         for k, probe in enumerate(scene.probes):
             block, rows = basis[probe.block], slice(3 * probe.node, 3 * probe.node + 3)

@@ -97,8 +97,8 @@ def noted() -> Iterator[list[Any]]:
         problems.append((K[:, own] - block.shift * M[:, own], M[:, own], K[:, ~own].toarray(), count))
         return Psi, modes, solver
 
-    def of_part(merged: Any, choice: Any, files: Any) -> Any:
-        T, levels = by_part(merged, choice, files)
+    def of_part(merged: Any, choice: Any, files: Any, *, massless: bool) -> Any:
+        T, levels = by_part(merged, choice, files, massless=massless)
         K = whole(merged.K) - merged.shift * merged.M
         problems.append((K, merged.M, merged.right.toarray(), levels[0].modes))
         return T, levels

@@ -42,6 +42,7 @@ from romdam.linalg.solvers import Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.basis import Augmented
 from romdam.reduction.interface import sees_more_nodes_than_gaps
+from romdam.reduction.methods.flexible_rest import needs_no_mass
 from romdam.reduction.methods.residual_vectors import (
     FINER_LEAST,
     FINER_VECTORS,
@@ -61,12 +62,15 @@ log = logging.getLogger(__name__)
 def retains_joint_nodes(substructure: Substructure) -> bool:
     """Tell whether Craig-Bampton reduction serves a part: a single block that retains what its joints see.
 
-    It does not serve a block whose joints see more nodes than they have gaps, for which fewer unknowns do,
+    It does not serve a block whose joints see very many nodes, which are better kept without mass
+    (`flexible_rest`), nor one whose joints see more nodes than they have gaps, for which fewer unknowns do,
     nor one with a viscous boundary that nothing else has to hold: its forces need exact static responses.
     """
     if len(substructure.blocks) > 1:
         return False
     (name,) = substructure.blocks
+    if needs_no_mass(substructure, int(substructure.interface.retained.sum())):
+        return False
     if substructure.scene.blocks[name].absorbing and substructure.mesh_part.stands_free(substructure.scene):
         return False
     loads = substructure.block_loads

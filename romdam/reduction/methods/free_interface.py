@@ -44,6 +44,7 @@ from romdam.linalg.solvers import SMALL, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.attachment_modes import Pencil, diagonalised, orthogonal_remainder, with_more
 from romdam.reduction.methods.craig_bampton import ReducedBlock, eigen_residual, highest_hz
+from romdam.reduction.methods.flexible_rest import needs_no_mass, wider, with_more_without_mass, without_mass
 from romdam.reduction.methods.merged_part import (
     MergedPart,
     boundary_tractions,
@@ -111,7 +112,10 @@ class FreeInterface(Reductor):
             T.fill(size, lambda first, last: part.over_blocks(Phi[:, first:last]))
             levels = [_Level(T, size, without_roundoff(omega2), np.eye(size))] * len(files.keys)
         else:
-            T, levels = _ritz_levels(part, replace(choice, count=size if every else choice.count), files)
+            massless = needs_no_mass(substructure, part.right.shape[1])
+            choice = wider(choice) if massless else choice
+            choice = replace(choice, count=size if every else choice.count)
+            T, levels = _ritz_levels(part, choice, files, massless=massless)
         # largest relative residual of the eigenvalues, which the finer basis shares
         residual, modes = 0.0, levels[0].modes
         together = max(_TOGETHER, int(_READ / (8 * len(part.row))))
@@ -147,7 +151,7 @@ class FreeInterface(Reductor):
                     rows = level.T.pieces(ends, level.T.shape[1] - further)
                 else:
                     contained, rows = None, level.T.times(level.V, ends)
-                arguments = level.omega2, rows, inertia[name], report, number, contained
+                arguments = level.omega2, rows, inertia[name], report, number, contained, level.massless
                 tasks.append(partial(files.write, substructure, name, *arguments))
             bases: Bases = dict(zip(mesh_part.blocks, level.T.each(tasks), strict=True))
             coarse = coarse or bases
@@ -171,23 +175,29 @@ class _Level(NamedTuple):
 
     Attributes
     ----------
-    modes : how many of the Ritz vectors span modes
+    modes : how many of its vectors are modes; they come first
+    massless : how many of the last vectors have no mass
     """
 
     T: OutOfCoreMatrix
     modes: int
     omega2: Floats
     V: Floats
+    massless: int = 0
 
 
 def _ritz_levels(
-    part: MergedPart, choice: ModeChoice, files: BasisFiles
+    part: MergedPart, choice: ModeChoice, files: BasisFiles, *, massless: bool
 ) -> tuple[OutOfCoreMatrix, list[_Level]]:
     """Static responses and, after them, vectors that span the modes; and the bases that they make.
 
     A finer basis contains the other one and, besides, further modes and responses to inertia: that of the
     lowest vectors of the first that are no modes, and that of the water in its lowest modes. Modes up to a
     frequency would leave it the same where the spectrum has a gap. The solver goes with the end.
+
+    Parameters
+    ----------
+    massless : whether the static responses are without mass, see `flexible_rest`
     """
     right, finer = part.right, files.finer
     shifted = Symmetric(part.K.upper - part.shift * part.M) if part.shift else part.K
@@ -216,8 +226,10 @@ def _ritz_levels(
         T.fill(static + count, lambda a, b: part.over_blocks(combine(a - static, b - static)), width)
     pencil, work = Pencil(part.K, part.M, part.shift, part.first), part.work(T)
     ritz = T.narrowed(static + modes)
-    omega2, V = diagonalised(ritz, modes, pencil, work[:, : static + modes])
-    levels = [_Level(ritz, modes, omega2, V)]
+    diagonalise = without_mass if massless else diagonalised
+    omega2, V = diagonalise(ritz, modes, pencil, work[:, : static + modes])
+    rest = V.shape[1] - modes if massless else 0
+    levels = [_Level(ritz, modes, omega2, V, rest)]
     if not finer:
         return T, levels
     apart = ritz.combined(V[:, modes : modes + FURTHER])[part.first]
@@ -231,8 +243,11 @@ def _ritz_levels(
     T.fill(T.shape[1], lambda a, b: part.over_blocks(D[:, a - last : b - last]))
     work = np.hstack([work, right.T @ D - (right.T @ part.rigid) @ (part.rigid.T @ (part.M @ D))])
     beyond = T.shape[1] - static - modes
+    if beyond and massless:
+        omega2, V, massive = with_more_without_mass(T, beyond, modes, pencil, work, omega2, V)
+        return T, [*levels, _Level(T, massive, omega2, V, rest)]
     if beyond:
         omega2, V = with_more(T, beyond, pencil, work, omega2, V)
     else:
         V = np.eye(len(omega2))
-    return T, [*levels, _Level(T, modes + beyond, omega2, V)]
+    return T, [*levels, _Level(T, modes + beyond, omega2, V, rest)]

@@ -34,7 +34,7 @@ from romdam.reduction.substructure import Substructure
 
 log = logging.getLogger(__name__)
 
-_OMEGA2 = (2.0 * np.pi * 1e4) ** 2  # [1/s2] any would do
+OMEGA2 = (2.0 * np.pi * 1e4) ** 2  # [1/s2] any would do
 _DEPENDENT = 1e-12  # share of the largest flexibility, below which a direction is round-off
 _NODES = 4096  # of a block's basis at a time
 
@@ -76,18 +76,20 @@ class Massless(Reductor):
         T = files.scratch(len(part.row), right.shape[1])
         T.fill(T.shape[1], lambda a, b: part.over_blocks(solver.solve(right[:, a:b].toarray())))
         log.info("%s: %d static responses", label, T.shape[1])
-        # combinations of responses with omega^2 = _OMEGA2 each, without directions that are round-off
+        # combinations of responses with omega^2 = OMEGA2 each, without directions that are round-off
         flexibility = part.work(T)
         scale = 1.0 / np.sqrt(np.maximum(flexibility.diagonal(), np.finfo(float).tiny))
         size, U = np.linalg.eigh(0.5 * (flexibility + flexibility.T) * scale * scale[:, None])
         keep = size > _DEPENDENT * size.max(initial=0.0)
-        mix = scale[:, None] * U[:, keep] * np.sqrt(_OMEGA2 / size[keep])
-        omega2 = np.full(mix.shape[1], _OMEGA2)
+        mix = scale[:, None] * U[:, keep] * np.sqrt(OMEGA2 / size[keep])
+        omega2 = np.full(mix.shape[1], OMEGA2)
         bases, last = dict[str, BlockBasis](), 0
         for name in mesh_part.blocks:
             first, last = last, last + 3 * len(scene.blocks[name].points)
             rows, none = T.times(mix, [*range(first, last, 3 * _NODES), last]), np.zeros((last - first, 3))
             report = {"retained_dofs": T.shape[1], "fixed_interface_modes": 0, "part": mesh_part.name}
-            bases[name] = files.write(substructure, name, omega2, rows, none, dict(report))
+            bases[name] = files.write(
+                substructure, name, omega2, rows, none, dict(report), massless=len(omega2)
+            )
         T.remove()
         yield bases

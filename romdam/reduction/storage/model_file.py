@@ -12,7 +12,7 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
                     the vectors that `basis` has here (n, 3, r); attribute of: fingerprint of the other's
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
-    attributes      layout, key, report (JSON)
+    attributes      layout, key, report (JSON), massless: how many of the last modes have no mass
 
 A cache file whose bytes are not those that were written (`romdam.core.sealed`), or of another key (see
 `keys.py`), counts as none. The basis file is named by its content instead: it is what results need of a
@@ -99,7 +99,7 @@ def _write_mesh_and_frequencies(group: h5py.Group, block: Block, basis: BlockBas
     group["basis"].attrs["first"] = basis.columns.start
     group["omega2"] = basis.omega2
     group["participation"] = basis.participation
-    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report))
+    group.attrs.update(layout=LAYOUT, report=json.dumps(basis.report), massless=basis.massless)
 
 
 def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis:
@@ -139,6 +139,7 @@ def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis
         omega2=omega2[()],
         participation=participation[()],
         report=json.loads(group.attrs["report"]),
+        massless=int(group.attrs.get("massless", 0)),  # files of 0.2 have none
     )
 
 
@@ -281,6 +282,7 @@ class BlockStore:
         inertia: Floats,
         report: dict[str, object],
         contained: Contained | None = None,
+        massless: int = 0,
     ) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
 
@@ -290,6 +292,7 @@ class BlockStore:
             has besides
         inertia : M r (3 n, 3) for unit translations r
         contained : the basis that it contains; None where it contains none
+        massless : how many of the last vectors have no mass
 
         Raises
         ------
@@ -311,7 +314,7 @@ class BlockStore:
                 inner = contained.basis.participation
                 participation = contained.mix.T @ np.vstack([inner, participation])
             none = Dense(np.zeros((0, 0)))
-            basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report)
+            basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report, massless)
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_mesh_and_frequencies(file, block, basis)
         written = self._written(key)

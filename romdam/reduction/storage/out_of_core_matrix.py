@@ -33,6 +33,8 @@ T = TypeVar("T")
 WIDTH = 32  # columns made at a time
 _HELD = 1e9  # bytes of some rows that are kept between products
 _TOGETHER = 128  # columns of a product at a time: 400 MB at 400,000 unknowns
+_ABREAST = 512  # columns of a product whose zero rows are left out together
+_SPARSE = 0.8  # of all rows, below which that pays
 
 
 class OutOfCoreMatrix:
@@ -241,8 +243,17 @@ class OutOfCoreMatrix:
             yield self._columns(slice(first, self.shape[1]), slice(low, high))
 
     def times(self, V: Floats, ends: list[int]) -> Iterator[Floats]:
-        """T @ V, rows ends[k] to ends[k + 1] at a time."""
-        yield from (piece @ V for piece in self.pieces(ends))
+        """T @ V, rows ends[k] to ends[k + 1] at a time; V may be triangular once its rows are sorted."""
+        blocks = [slice(k, min(k + _ABREAST, V.shape[1])) for k in range(0, V.shape[1], _ABREAST)]
+        used = [np.flatnonzero(V[:, block].any(axis=1)) for block in blocks]
+        if sum(map(len, used)) > _SPARSE * len(V) * len(blocks):
+            yield from (piece @ V for piece in self.pieces(ends))
+            return
+        for piece in self.pieces(ends):
+            product = np.empty((len(piece), V.shape[1]))
+            for block, rows in zip(blocks, used, strict=True):
+                product[:, block] = piece[:, rows] @ V[rows, block]
+            yield product
 
     def each(self, tasks: Iterable[Callable[[], T]]) -> list[T]:
         """Results of tasks that read it, side by side where what a second one holds is little."""

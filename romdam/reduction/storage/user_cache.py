@@ -102,9 +102,10 @@ class UserCache(BlockStore):
         inertia: Floats,
         report: dict[str, object],
         contained: Contained | None = None,
+        massless: int = 0,
     ) -> BlockBasis:
         """As `BlockStore`."""
-        basis = super().write_streamed(key, block, omega2, rows, inertia, report, contained)
+        basis = super().write_streamed(key, block, omega2, rows, inertia, report, contained, massless)
         self._use(key)
         return basis
 

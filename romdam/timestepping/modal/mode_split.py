@@ -113,11 +113,10 @@ def modal_model(
     ground_jump = split.G_quasi @ split.ground_answer(system)[:, active]
     k = system.K.diagonal()
     tiles, values = _tiles(system, split)
-    R = (
-        (split.G_quasi / k[split.quasi_static]) @ split.G_quasi.T
-        if len(split.quasi_static)
-        else np.zeros((0, 0))
-    )
+    R = np.zeros((0, 0))
+    if len(split.quasi_static):
+        scaled = split.G_quasi / np.sqrt(k[split.quasi_static])
+        R = scaled @ scaled.T  # BLAS forms one triangle of it
     tapered = np.flatnonzero(split.taper < 1.0)
     if len(tapered):
         left = (1.0 / split.taper[tapered] ** 2 - 1.0) / k[split.dynamic[tapered]]

@@ -110,7 +110,8 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
         return None
     spread = _spread(gaps, signs)
     mean = csr_matrix(spread.T / np.repeat(np.bincount(gaps), signs.shape[1])[:, None])
-    jumps = mean @ system.B.toarray()
+    B = system.B.toarray()
+    jumps = mean @ B
     Q = _modes(system, active, jumps)
     # the directions of every part; those of one stand side by side
     width = {name: len(np.unique(Q[part].indices)) for name, part in system.parts.items()}
@@ -134,10 +135,11 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
             return None  # jumps at the gaps' positions differ within a group
         smaller = replace(smaller, at_point=csr_matrix(at_groups))
     # random forces on the groups: every unit force would take as long as the reduction of large joints
+    fewer = smaller.B.toarray()
     forces = np.random.default_rng(1).uniform(-1.0, 1.0, (len(jumps), _PROOFS))
     for s in _shifts(system):
-        whole = _jumps(system, active, mean.T @ forces, s)
-        left_out = np.abs(whole - spread @ _jumps(smaller, active, forces, s)).max(axis=0)
+        whole = _jumps(system, B, active, mean.T @ forces, s)
+        left_out = np.abs(whole - spread @ _jumps(smaller, fewer, active, forces, s)).max(axis=0)
         if (left_out > _EXACT * np.abs(whole).max(axis=0)).any():
             return None
     return Symmetry(smaller, gaps, np.bincount(gaps), signs, Q)
@@ -157,9 +159,13 @@ def _shifts(system: System) -> Floats:
     return np.geomspace(k[k > _LEAST * highest].min(initial=highest), _ABOVE * highest, _SHIFTS)
 
 
-def _jumps(system: System, active: Ints, forces: Floats, s: float) -> Floats:
-    """Jumps under forces on the gaps, under the loads, and under the static force, for one s."""
-    B = system.B.toarray()
+def _jumps(system: System, B: Floats, active: Ints, forces: Floats, s: float) -> Floats:
+    """Jumps under forces on the gaps, under the loads, and under the static force, for one s.
+
+    Parameters
+    ----------
+    B : (N, n) of the system, not sparse
+    """
     moved = np.column_stack([B.T @ forces, system.load[:, active], system.force])
     return np.asarray(B @ (moved / (system.K.diagonal() + s)[:, None]))
 
@@ -229,6 +235,7 @@ def _expanded(modes: csr_matrix, merged: Coordinates, rows: slice) -> tuple[Floa
 def _partition(system: System, active: Ints, gaps: Ints) -> tuple[Ints, Floats]:
     """The group of every gap, numbered as they come, and the signs of its directions, (ng, d)."""
     law, random, before = system.law, np.random.default_rng(0), (0, 0.0)
+    B = system.B.toarray()
     signs = np.zeros((len(law), law.directions))
     signs[:, NORMAL] = 1.0
     # what the gaps start with along j and k, beside the initial gap that it is measured by
@@ -237,7 +244,7 @@ def _partition(system: System, active: Ints, gaps: Ints) -> tuple[Ints, Floats]:
         before = (groups, np.abs(signs).sum())
         force = signs * random.uniform(0.5, 1.5, (groups, law.directions))[gaps]
         for s in _shifts(system):
-            for jump in (*_jumps(system, active, force.ravel(), s).T, *slips):
+            for jump in (*_jumps(system, B, active, force.ravel(), s).T, *slips):
                 jump = jump.reshape(signs.shape)
                 moves = (signs == 0.0) & (np.abs(jump) > _DIFFERENT * np.abs(jump).max())
                 signs[moves] = np.sign(jump[moves])
@@ -270,8 +277,10 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
     size = np.bincount(number, weights=(system.B.toarray() ** 2).sum(axis=0))
     drives *= _MOVED / _DRIVEN / np.maximum(np.abs(drives).max(axis=0), 1e-300)
     moved = np.hstack([jumps.T / np.sqrt(np.maximum(size, 1e-300))[number, None], drives])
+    massless = system.M.diagonal() == 0.0  # flexibilities in any coordinates: all of them stay
     turned, moves = eye_array(system.size, format="lil"), np.linalg.norm(moved, axis=1) > _MOVED
-    for several in np.flatnonzero(np.bincount(number) > 1):
+    moves |= massless
+    for several in np.flatnonzero(np.bincount(number[~massless]) > 1):
         modes = np.flatnonzero(number == several)
         U, share, _ = np.linalg.svd(moved[modes])
         turned[np.ix_(modes, modes)] = U

@@ -1,0 +1,121 @@
+"""Static answers without mass: the flexibility that modes leave of a large interface."""
+
+import numpy as np
+import pytest
+from scene_builders import box
+from simulating import simulated
+
+from romdam.config.sections.job import DampingConfig
+from romdam.core.basis import BlockBasis
+from romdam.error.metrics import relative_l2
+from romdam.fem.assembly import assemble
+from romdam.fem.gaps import gap_operators
+from romdam.reduction.methods import flexible_rest
+from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
+from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
+
+DAMPING = DampingConfig.model_validate({"rayleigh": {"frequencies": [5.0, 50.0], "ratio": 0.05}})
+
+
+def scene_of(make, **joint):
+    """Two unlike pillars with friction between them, and a load on one."""
+    return make(
+        {
+            "blocks": {
+                "left": box([0, 0, 0], [2, 1, 8], [1.0, 1.0, 2.0]),
+                "right": box([0, 1, 0], [2, 2, 8], [1.0, 1.0, 2.0]),
+            },
+            "supports": [{"block": "left", "face": "zmin"}, {"block": "right", "face": "zmin"}],
+            "joints": {
+                "c": {"between": ["left", "right"], "normal_stiffness": 1e10, "gap": 2e-4}
+                | {"friction": 0.6, "shear_stiffness": 5e9}
+                | joint
+            },
+            "loads": {"pressure": [{"block": "right", "face": "ymax", "value": 2e4}]},
+        }
+    )
+
+
+@pytest.fixture
+def massless(monkeypatch):
+    monkeypatch.setattr(flexible_rest, "MANY", 10)
+
+
+def test_static_answers_to_joint_forces_and_loads_are_those_of_the_mesh(make, massless):
+    scene = scene_of(make)
+    model = reduce_scene(scene, ModeChoice(count=3), DAMPING)
+    system = model.system
+    flexible = system.B @ np.linalg.solve(system.K.toarray(), system.B.toarray().T)
+    wanted = np.zeros_like(flexible)
+    operators = gap_operators(scene, 3)
+    for name, block in scene.blocks.items():
+        free = ~scene.fixed[name].ravel()
+        K = assemble(block)[0].toarray()[np.ix_(free, free)]
+        B = operators[name].toarray()[:, free]
+        wanted += B @ np.linalg.solve(K, B.T)
+        assert model.basis[name].massless > 30 and model.basis[name].report["method"] == "free_interface"
+    np.testing.assert_allclose(flexible, wanted, atol=1e-9 * np.abs(wanted).max())
+    assert (system.M.diagonal() == 0.0).sum() == sum(b.massless for b in model.basis.values())
+
+
+def test_fields_follow_the_coordinates(make, massless):
+    """Displacement of a block under forces on its gaps, from its basis and from the mesh."""
+    scene = scene_of(make)
+    basis = reduce_scene(scene, ModeChoice(count=3), DAMPING).basis["right"]
+    assert isinstance(basis, BlockBasis)
+    block, free = scene.blocks["right"], ~scene.fixed["right"].ravel()
+    B = gap_operators(scene, 3)["right"]
+    force = np.random.default_rng(4).normal(size=B.shape[0])
+    exact = np.zeros(block.points.size)
+    K = assemble(block)[0].toarray()[np.ix_(free, free)]
+    exact[free] = np.linalg.solve(K, (B.T @ force)[free])
+    found = basis.vectors.apply(basis.vectors.project(B.T @ force) / basis.omega2)
+    np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())
+
+
+def histories(make, choice, **joint):
+    time = np.arange(0.0, 1.0, 0.001)
+    ground = np.zeros((3, len(time)))
+    ground[0], ground[1] = 3.0 * np.sin(31.0 * time), 8.0 * np.sin(40.0 * time) * np.sin(np.pi * time)
+    system = reduce_scene(scene_of(make, **joint), choice, DAMPING).system
+    return simulated(system, ground, 0.001, stride=5, initial_state="static")
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_a_run_is_that_of_all_modes(make, massless, monkeypatch, friction):
+    keys = {} if friction else {"friction": 0.0, "shear_stiffness": 0.0}
+    found = histories(make, ModeChoice(count=12), **keys)
+    monkeypatch.setattr(flexible_rest, "MANY", 10**6)
+    wanted = histories(make, ALL_MODES, **keys)
+    assert wanted.jump[..., 0].max() > 3e-4
+    assert relative_l2(found.jump[..., 0], wanted.jump[..., 0]) < 0.01
+    assert np.abs(found.energy["residual"]).max() < 1e-9 * np.abs(found.energy["input"]).max()
+
+
+def test_the_finer_basis_contains_the_first_and_has_the_same_static_answers(make, massless):
+    coarse, fine = reduce_scene_twice(scene_of(make), ModeChoice(count=4), DAMPING)
+    answers = [
+        model.system.B @ np.linalg.solve(model.system.K.toarray(), model.system.B.toarray().T)
+        for model in (coarse, fine)
+    ]
+    np.testing.assert_allclose(*answers, atol=1e-8 * np.abs(answers[0]).max())
+    for name, basis in coarse.basis.items():
+        inner, outer = basis.vectors.rows(), fine.basis[name].vectors.rows()
+        massive = [b.vectors.shape[1] - b.massless for b in (basis, fine.basis[name])]
+        assert massive[1] > massive[0] and fine.basis[name].massless == basis.massless
+        mix = np.linalg.lstsq(outer, inner, rcond=1e-10)[0]
+        np.testing.assert_allclose(outer @ mix, inner, atol=1e-7 * np.abs(inner).max())
+
+
+def test_contacts_that_move_alike_are_merged_with_static_answers_without_mass(make, massless):
+    """Shaken along y the pillars mirror themselves: fewer gaps, the same openings."""
+    time = np.arange(0.0, 0.5, 0.001)
+    ground = np.zeros((3, len(time)))
+    ground[1] = 8.0 * np.sin(40.0 * time)
+    system = reduce_scene(scene_of(make), ModeChoice(count=6), DAMPING).system
+    merged, every = (
+        simulated(system, ground, 0.001, integrator="adaptive", initial_state="static", merge_contacts=merge)
+        for merge in (True, False)
+    )
+    assert merged.stats["integrated_gaps"] < every.stats["integrated_gaps"] == len(system.law)
+    np.testing.assert_allclose(merged.jump, every.jump, atol=1e-8 * np.abs(every.jump).max())
