@@ -8,7 +8,7 @@ import math
 from romdam.config.load import Job
 from romdam.config.other_mesh import with_spacing
 from romdam.core.motion import GroundMotion
-from romdam.error.discretisation import OVER_FINER, MeshRun, discretisation
+from romdam.error.discretisation import OVER_COARSER, OVER_FINER, MeshRun, discretisation
 from romdam.error.statement import percent
 from romdam.pipelines.automatic_modes import FIRST, with_modes, with_vectors
 from romdam.pipelines.error.sibling import run_of
@@ -19,7 +19,7 @@ from romdam.reduction.synthesis import reduce_scene
 
 log = logging.getLogger(__name__)
 
-_COARSEST = 8  # times the distance of the nodes: what is tried first, and halved until the accuracy is met
+_COARSEST, _FINEST = 8, 2  # times the distance of the nodes: what is tried first, and last
 
 
 def automatic_joints(job: Job) -> list[str]:
@@ -31,8 +31,8 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
     """The job with gaps as far apart as changes the openings by at most `transient.accuracy`.
 
     Spacings of eight, four and two times the distance of the nodes are run on the record of the largest
-    acceleration. What a spacing changes is stated as for a mesh, from the run on half of it; where two times
-    that distance is too coarse, every node has a gap.
+    acceleration. What a spacing changes is stated as for a mesh, from the run on half of it or on twice it;
+    where two times that distance is too coarse, every node has a gap, which is not run here.
 
     Raises
     ------
@@ -48,9 +48,9 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
     joints = [scene_of(with_spacing(job, None)).joints[name] for name in automatic_joints(job)]
     distance = max(math.sqrt(joint.whole_area.sum() / len(joint.area)) for joint in joints)
     times, judged = _COARSEST, _run(with_spacing(trial, _COARSEST * distance), motion, store)
-    while times > 1:
+    while times > _FINEST:
         half = times // 2
-        better = _run(with_spacing(trial, half * distance if half > 1 else None), motion, store)
+        better = _run(with_spacing(trial, half * distance), motion, store)
         about = {"record": motion.name, "seconds": float(judged.history.time[-1])}
         error = discretisation(judged, better, finer=True, about=about).errors["opening"].l2
         log.info(
@@ -60,7 +60,10 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
         )  # fmt: skip
         if error <= accuracy:
             return with_spacing(job, times * distance)
+        if error * OVER_COARSER / OVER_FINER <= accuracy:
+            return with_spacing(job, half * distance)
         times, judged = half, better
+    log.info("spacing %.4g m is too coarse: every node has a gap", times * distance)
     return with_spacing(job, None)
 
 

@@ -78,6 +78,9 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
         matrix[rows, columns] += by_mass
     if fine.water is not None:
         onto, of = (over_coordinates(fine.water.coupling, m.basis, m.system.size) for m in (fine, coarse))
+        massless = fine.system.M.diagonal() == 0.0  # they move as they do, and the water with the others
+        of = of - onto[:, massless] @ matrix[massless]
+        onto = np.where(massless, 0.0, onto)
         matrix += onto.T @ fine.water.times(of)
     if fine.reservoir is not None and coarse.reservoir is not None:
         rows, columns = (model.system.parts["reservoir"] for model in (fine, coarse))

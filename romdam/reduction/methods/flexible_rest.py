@@ -36,7 +36,7 @@ MANY = 1500  # static answers: from here on their dense eigenproblem costs more 
 WIDER = 3  # times the modes, or the frequency up to which they are kept, that are asked for
 _DEPENDENT = 1e-12  # of the largest flexibility, below which a direction is round-off
 _LOST = 2e-14  # the same, of the flexibility before the modes' share was taken out
-_EXPLAINED = 1e-10  # of a direction's flexibility, what further modes must leave of it
+_KNOWN = 1e-8  # of the energy of a vector, what the static answers must not know of it
 
 
 def needs_no_mass(substructure: Substructure, directions: int) -> bool:
@@ -130,15 +130,13 @@ def with_more_without_mass(
     size, U = eigh(0.5 * (energy + energy.T))
     keep = size > _DEPENDENT * size.max(initial=0.0)
     U = U[:, keep] / np.sqrt(size[keep])
-    share = to_rest @ U  # of every Q in the rest: (rest, q)
-    left, sigma, right = np.linalg.svd(share, full_matrices=False)
-    sigma = np.minimum(sigma, 1.0)
-    remaining = np.sqrt(1.0 - sigma**2)
-    some = remaining > np.sqrt(_EXPLAINED)
-    grown = np.where(some, 1.0 / np.where(some, remaining, 1.0), 0.0)
-    # rest' = rest W^-1 - Q share^T W^-1 with W = 1 - left (1 - remaining) left^T, of unit energy
+    left, sigma, right = np.linalg.svd(to_rest @ U, full_matrices=False)  # every Q in the rest
+    new = 1.0 - sigma**2 > _KNOWN  # what the rest knows of T_2 stays without mass
+    left, sigma, U = left[:, new], sigma[new], U @ right[new].T
+    # rest' = rest W^-1 - Q sigma left^T W^-1 with W = 1 - left (1 - remaining) left^T, of unit energy
+    grown = 1.0 / np.sqrt(1.0 - sigma**2)
     inverse = np.eye(rest) + (left * (grown - 1.0)) @ left.T
-    from_Q = -(right.T * (sigma * grown)) @ left.T
+    from_Q = -(sigma * grown)[:, None] * left.T
     # the modes: of Phi and Q
     inertia = V[:, :modes].T @ mass[:first]  # Phi^T M T_2
     m_PQ = (inertia - to_modes) @ U
@@ -151,6 +149,7 @@ def with_more_without_mass(
     scale = np.sqrt(OMEGA2)
     Q_of = np.vstack([-to_modes @ U, np.zeros((rest, q)), U])  # Q in terms of Phi, rest and T_2
     unit = np.vstack([np.eye(modes), np.zeros((rest + more, modes))])
-    of_rest = np.vstack([np.zeros((modes, rest)), inverse, np.zeros((more, rest))]) + scale * (Q_of @ from_Q)
+    of_rest = scale * (Q_of @ from_Q)
+    of_rest[modes : modes + rest] += inverse
     mix = np.hstack([np.hstack([unit, Q_of]) @ C, of_rest])
     return np.append(omega2_modes, np.full(rest, OMEGA2)), mix, modes + q

@@ -245,7 +245,7 @@ def _ritz_levels(
     beyond = T.shape[1] - static - modes
     if beyond and massless:
         omega2, V, massive = with_more_without_mass(T, beyond, modes, pencil, work, omega2, V)
-        return T, [*levels, _Level(T, massive, omega2, V, rest)]
+        return T, [*levels, _Level(T, massive, omega2, V, len(omega2) - massive)]
     if beyond:
         omega2, V = with_more(T, beyond, pencil, work, omega2, V)
     else:
