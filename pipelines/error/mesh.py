@@ -14,11 +14,20 @@ from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification
+from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.error.sibling import run_with_stress, sibling_job, with_stress
 from romdam.pipelines.error.verify import as_run
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
-from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent, with_modes_chosen
+from romdam.pipelines.run import (
+    Clock,
+    Stage,
+    build_model,
+    choose_mesh_and_modes,
+    silent,
+    with_modes_chosen,
+    with_spacing_chosen,
+)
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
@@ -63,7 +72,7 @@ def verify_mesh(
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
-    sibling = sibling_job(job, finer=finer)
+    sibling_job(job, finer=finer)  # refused before records are read
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
@@ -73,7 +82,9 @@ def verify_mesh(
     refuse_lengths(job, [motion], seconds)
     if job.config.transient.total_accuracy is not None:
         job, _ = choose_mesh_and_modes(job, motions, clock)
-        sibling = sibling_job(job, finer=finer)
+    elif automatic_joints(job):
+        job = with_spacing_chosen(job, motions, clock)  # the same on both meshes
+    sibling = sibling_job(job, finer=finer)
     if job.config.model.order != "full":
         job, sibling = (with_modes_chosen(prepared_job, motions, clock) for prepared_job in (job, sibling))
     run, scene = run_on_mesh(job, motion, seconds, clock, "run")
