@@ -13,12 +13,14 @@ from romdam.error.statement import percent
 from romdam.pipelines.automatic_modes import FIRST, with_modes, with_vectors
 from romdam.pipelines.error.sibling import run_of
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.simulation import Model, prepare, simulate_motion
+from romdam.pipelines.simulation import Model, as_run, prepare, simulate_motion
+from romdam.records.processing.resampling import strongest_part
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 
 log = logging.getLogger(__name__)
 
+SECONDS = 10.0  # of a record, as `romdam verify` compares
 _COARSEST, _FINEST = 8, 2  # times the distance of the nodes: what is tried first, and last
 
 
@@ -30,9 +32,10 @@ def automatic_joints(job: Job) -> list[str]:
 def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
     """The job with gaps as far apart as changes the openings by at most `transient.accuracy`.
 
-    Spacings of eight, four and two times the distance of the nodes are run on the record of the largest
-    acceleration. What a spacing changes is stated as for a mesh, from the run on half of it or on twice it;
-    where two times that distance is too coarse, every node has a gap, which is not run here.
+    Spacings of eight, four and two times the distance of the nodes are run on the strongest `SECONDS` of the
+    record of the largest acceleration. What a spacing changes is stated as for a mesh, from the run on half
+    of it or on twice it; where two times that distance is too coarse, every node has a gap, which is not run
+    here.
 
     Raises
     ------
@@ -43,7 +46,9 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
     """
     accuracy = job.config.transient.step_accuracy
     assert accuracy is not None  # the configuration asks for it
-    motion = max(motions, key=lambda m: m.peak)
+    motion = as_run(job, max(motions, key=lambda m: m.peak))
+    if all(support.motion is None for support in job.config.supports):  # those that move begin at rest
+        _, motion = strongest_part(motion, SECONDS)
     trial = with_modes(with_vectors(job), FIRST) if job.config.model.modes == "auto" else job
     joints = [scene_of(with_spacing(job, None)).joints[name] for name in automatic_joints(job)]
     distance = max(math.sqrt(joint.whole_area.sum() / len(joint.area)) for joint in joints)
@@ -72,4 +77,4 @@ def _run(job: Job, motion: GroundMotion, store: BlockStore | None) -> MeshRun:
     scene = scene_of(job)
     reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
     model = Model(scene, prepare(job, reduced.system), reduced)
-    return run_of(model, simulate_motion(job, model.prepared, motion, job.config.transient.duration), None)
+    return run_of(model, simulate_motion(job, model.prepared, motion), None)

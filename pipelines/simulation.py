@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 from romdam.config.load import Job
@@ -186,6 +187,14 @@ def settings_for(
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
     )
+
+
+def as_run(job: Job, motion: GroundMotion, asked: float | None = None) -> GroundMotion:
+    """The part of a motion that the job runs, up to its `duration`; all where some seconds are asked for."""
+    seconds = job.config.transient.duration
+    if seconds is None or seconds >= motion.duration or (asked is not None and math.isfinite(asked)):
+        return motion
+    return replace(motion, acc=motion.acc[:, : round(seconds / motion.dt) + 1])
 
 
 def ground_at_steps(

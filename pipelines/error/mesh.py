@@ -16,7 +16,6 @@ from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification
 from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.error.sibling import run_with_stress, sibling_job, with_stress
-from romdam.pipelines.error.verify import as_run
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import (
@@ -28,7 +27,7 @@ from romdam.pipelines.run import (
     with_modes_chosen,
     with_spacing_chosen,
 )
-from romdam.pipelines.simulation import simulate_motion
+from romdam.pipelines.simulation import as_run, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
-from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.pipelines.simulation import Model, as_run, ground_at_steps, prepare, settings_for, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.processing.resampling import strongest_part
@@ -117,14 +116,6 @@ def verify(
     statement = verification(reduced, full, model.system.law.joints, about)
     figure = _draw(folder, motion, reduced, full)
     return Verified(statement, write_verification(folder, statement), figure)
-
-
-def as_run(job: Job, motion: GroundMotion, asked: float | None) -> GroundMotion:
-    """The part of a motion that the job runs, up to its `duration`; all where some seconds are asked for."""
-    seconds = job.config.transient.duration
-    if seconds is None or seconds >= motion.duration or (asked is not None and math.isfinite(asked)):
-        return motion
-    return replace(motion, acc=motion.acc[:, : round(seconds / motion.dt) + 1])
 
 
 def _refuse_what_cannot_be_verified(job: Job) -> None:
