@@ -33,6 +33,8 @@ from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
 
 MANY = 1500  # static answers: from here on their dense eigenproblem costs more than all the rest
+# modes of a part, and a tenth of its unknowns at most: with fewer the statement of the modes is too small
+FEWEST = 100
 WIDER = 3  # times the modes, or the frequency up to which they are kept, that are asked for
 _DEPENDENT = 1e-12  # of the largest flexibility, below which a direction is round-off
 _LOST = 2e-14  # the same, of the flexibility before the modes' share was taken out

@@ -25,7 +25,7 @@ Rubin, AIAA Journal 13 (1975) 995; Hintz, AIAA Journal 13 (1975) 1007 (free mode
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import ClassVar, NamedTuple
@@ -44,7 +44,13 @@ from romdam.linalg.solvers import SMALL, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.methods.attachment_modes import Pencil, diagonalised, orthogonal_remainder, with_more
 from romdam.reduction.methods.craig_bampton import ReducedBlock, eigen_residual, highest_hz
-from romdam.reduction.methods.flexible_rest import needs_no_mass, wider, with_more_without_mass, without_mass
+from romdam.reduction.methods.flexible_rest import (
+    FEWEST,
+    needs_no_mass,
+    wider,
+    with_more_without_mass,
+    without_mass,
+)
 from romdam.reduction.methods.merged_part import (
     MergedPart,
     boundary_tractions,
@@ -219,7 +225,15 @@ def _ritz_levels(
     # other solvers' factors serve one thread
     unknowns = K.shape[0] if isinstance(solver, Multifrontal) else 0
     more = (BEYOND, FURTHER) if finer else (1.0, 0)
-    find_modes = partial(span_of_modes, K, part.M, choice.count, choice.cutoff, solver, part.shift, *more)
+    fewest = min(FEWEST, K.shape[0] // 10) if massless else 0
+
+    def find_modes() -> tuple[tuple[int, int], Callable[[int, int], Floats]]:
+        span = partial(span_of_modes, K, part.M, solver=solver, shift=part.shift)
+        if choice.count is not None:
+            return span(max(choice.count, fewest), None, beyond=more[0], further=more[1])
+        found = span(None, choice.cutoff, beyond=more[0], further=more[1])
+        return found if found[0][0] >= fewest else span(fewest, None, beyond=more[0], further=more[1])
+
     _, ((modes, every), combine) = at_once(fill_static, find_modes, unknowns)
     T.widen(every)
     for count in (modes, every):
