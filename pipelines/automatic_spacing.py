@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Mapping
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import with_spacing
@@ -50,13 +51,18 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
     if all(support.motion is None for support in job.config.supports):  # those that move begin at rest
         _, motion = strongest_part(motion, SECONDS)
     trial = with_modes(with_vectors(job), FIRST) if job.config.model.modes == "auto" else job
-    joints = [scene_of(with_spacing(job, None)).joints[name] for name in automatic_joints(job)]
+    every_joint, automatic = scene_of(with_spacing(job, None)).joints, automatic_joints(job)
+    joints = [every_joint[name] for name in automatic]
+    nodes = {name: len(joint.area) for name, joint in zip(automatic, joints, strict=True)}
     distance = max(math.sqrt(joint.whole_area.sum() / len(joint.area)) for joint in joints)
     times, judged = _COARSEST, _run(with_spacing(trial, _COARSEST * distance), motion, store)
     while times > _FINEST:
         half = times // 2
         better = _run(with_spacing(trial, half * distance), motion, store)
         about = {"record": motion.name, "seconds": float(judged.history.time[-1])}
+        if not _differ(judged, better, nodes):  # two runs that are the same say nothing of either
+            times, judged = half, better
+            continue
         error = discretisation(judged, better, finer=True, about=about).errors["opening"].l2
         log.info(
             "spacing %.4g m: %d gaps, which change the openings by about %s in L2 (%g of the difference to "
@@ -70,6 +76,15 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
         times, judged = half, better
     log.info("spacing %.4g m is too coarse: every node has a gap", times * distance)
     return with_spacing(job, None)
+
+
+def _differ(coarse: MeshRun, fine: MeshRun, nodes: Mapping[str, int]) -> bool:
+    """Tell whether every joint has more gaps in the finer run, or has them at all its nodes in both."""
+    for name, most in nodes.items():
+        fewer, more = (run.joints[name].stop - run.joints[name].start for run in (coarse, fine))
+        if not (fewer < more or fewer >= most):
+            return False
+    return True
 
 
 def _run(job: Job, motion: GroundMotion, store: BlockStore | None) -> MeshRun:

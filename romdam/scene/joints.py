@@ -29,7 +29,7 @@ from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.pairing import coincident_facets
-from romdam.scene.patches import coarsen_gaps
+from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
@@ -71,7 +71,8 @@ def build_joint(
     every_corner = face.corner
     if isinstance(joint.spacing, float):
         nodes = len(face.area)
-        face = coarsen_gaps(face, surface, joint.spacing, location)
+        along = local_axes(mean_normal(face)[None])[0, 1:]
+        face = coarsen_gaps(face, surface, joint.spacing, along, location)
         _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, len(face.area), nodes)
 
     # compare the gaps of a narrow face with their bedding in stiffness against rotation

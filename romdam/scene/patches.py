@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -28,17 +29,22 @@ from romdam.core.errors import ConfigError
 from romdam.scene.mortar.gaps import FaceGaps
 from romdam.scene.mortar.surface import Surface
 
+if TYPE_CHECKING:
+    from scipy.spatial import Delaunay
+
 _CORNER = 30.0  # turn of a face's outline from which on a node is a corner of it [degree]
 _STEEPEST = (
     60.0  # angle of a gap's normal with the mean one, up to which the face is seen as a plane [degree]
 )
 _CLOSE = 0.75  # of the spacing: contact points inside the outline are no nearer to each other
 _ROUNDING = 1e-9  # of the spacing, and of weights
+_ON_EDGE = 1e-9  # share of a triangle's corner, below which a place may be in the next one too
+_ON_CIRCLE = 1e-6  # angle by which four points may be off a circle [rad]
 _SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is none
 _CHUNK = 4_000_000  # numbers at a time
 
 
-def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str) -> FaceGaps:
+def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, along: Floats, location: str) -> FaceGaps:
     """Replace the gaps of a joint by contact points about `spacing` apart; see the module.
 
     Parameters
@@ -46,6 +52,7 @@ def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str
     gaps : of all nodes of the face
     surface : that they stand on
     spacing : distance of contact points [m]
+    along : (2, 3) unit vectors along j and k in the middle of the joint
     location : file and key of the joint, for messages
 
     Returns
@@ -55,11 +62,9 @@ def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str
     Raises
     ------
     ConfigError
-        for a face that is curved too much to be seen as a plane.
+        for a face that is curved too much to be seen as a plane, or on which so few points stand in no plane.
     """
-    centre = gaps.position.mean(axis=0)
-    mean = gaps.area @ gaps.normal
-    mean /= np.linalg.norm(mean)
+    mean = mean_normal(gaps)
     cosine = float((gaps.normal @ mean).min())
     if cosine < np.cos(np.radians(_STEEPEST)):
         raise ConfigError(
@@ -67,15 +72,19 @@ def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str
             f"limit {_STEEPEST:g} degrees, so that contact points between its nodes have no plane to stand "
             "in; leave spacing out, and every node has a gap"
         )
-    plane = np.linalg.svd(np.eye(3) - np.outer(mean, mean))[0][:, :2]
-    flat = (gaps.position - centre) @ plane
+    flat = (gaps.position - gaps.position.mean(axis=0)) @ along.T
     points = _contact_points(flat, _outline(surface, gaps.corner), spacing)
     if len(points) == len(flat):
         return gaps
     hats = _hats(flat[points], flat)
-    lumped = gaps.area[:, None] * hats
+    lumped = np.zeros((0, 0)) if hats is None else gaps.area[:, None] * hats
+    area = lumped.sum(axis=0)
+    if hats is None or not (area > 0.0).all():
+        raise ConfigError(
+            f"{location}.spacing: {len(points)} gaps {spacing:g} m apart do not cover the face of "
+            f"{len(flat)} nodes; give a smaller spacing, or leave it out, and every node has a gap"
+        )
     mass = hats.T @ lumped
-    area = mass.sum(axis=1)
     spread = np.linalg.solve(mass, lumped.T)
     spread[np.abs(spread) < _ROUNDING * np.abs(spread).max(axis=1, keepdims=True)] = 0.0
     spread /= spread.sum(axis=1, keepdims=True)
@@ -93,6 +102,12 @@ def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, location: str
         at_point=(csr_matrix(exact[0][points]), csr_matrix(exact[1][points])),
         patches=csr_matrix(csr_matrix(lumped.T / area[:, None]) @ at_corner),
     )
+
+
+def mean_normal(gaps: FaceGaps) -> Floats:
+    """Unit normal (3,) of a joint, mean over its area."""
+    mean = gaps.area @ gaps.normal
+    return np.asarray(mean / np.linalg.norm(mean))
 
 
 def _outline(surface: Surface, corner: Ints) -> list[Ints]:
@@ -135,11 +150,11 @@ def _contact_points(flat: Floats, loops: list[Ints], spacing: float) -> Ints:
             along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat[side], axis=0), axis=1)))
             pieces = max(1, round(along[-1] / spacing))
             wanted = np.linspace(0.0, along[-1], pieces + 1)[:-1]
-            chosen += side[np.abs(along[:, None] - wanted).argmin(axis=0)].tolist()
+            off = np.abs(along[:, None] - wanted) / (_ROUNDING * spacing)
+            chosen += side[np.round(off).argmin(axis=0)].tolist()
     points = list(dict.fromkeys(chosen))
-    # row by row along the longer side of the face, so that points of a regular mesh stand in rows
-    axes = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[2]
-    rows = np.round((flat @ axes.T) / (_ROUNDING * spacing)) * (_ROUNDING * spacing)
+    # row by row along the longer extent of the face, so that points of a regular mesh stand in rows
+    rows = np.round(flat[:, np.argsort(-np.ptp(flat, axis=0))] / (_ROUNDING * spacing))
     least = _CLOSE * spacing
     distance = np.full(len(flat), np.inf)
     for point in points:
@@ -151,19 +166,26 @@ def _contact_points(flat: Floats, loops: list[Ints], spacing: float) -> Ints:
     return np.sort(np.array(points, dtype=np.int64))
 
 
-def _hats(points: Floats, places: Floats) -> Floats:
-    """Hat functions (n, m) of contact points (m, 2) at places (n, 2); their sum is 1 everywhere.
+def _hats(points: Floats, places: Floats) -> Floats | None:
+    """Hat functions (n, m) of contact points (m, 2) at places (n, 2), or None without a triangle.
 
-    They are linear on the triangles of a Delaunay triangulation, and beyond its hull as on the nearest one.
+    Their sum is 1. They are linear on the triangles of a Delaunay triangulation, and beyond its hull as on
+    the nearest one.
+    Four points on a circle, as of a regular mesh, have two triangulations: the mean of both is taken, so that
+    round-off, which decides between them, changes nothing.
     """
-    from scipy.spatial import Delaunay
+    from scipy.spatial import Delaunay, QhullError
 
-    triangles = Delaunay(points).simplices
+    try:
+        triangles = _both_ways(Delaunay(points), points)
+    except QhullError:
+        return None
     corners = points[triangles]
     sides = corners[:, 1:] - corners[:, :1]
-    twice = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    sound = np.abs(twice) > _SLIVER * longest**2
+    sound = np.abs(np.linalg.det(sides)) > _SLIVER * longest**2
+    if not sound.any():
+        return None
     triangles, corners, inverse = triangles[sound], corners[sound], np.linalg.inv(sides[sound])
     hats = np.zeros((len(places), len(points)))
     step = max(1, _CHUNK // (3 * len(triangles)))
@@ -171,8 +193,31 @@ def _hats(points: Floats, places: Floats) -> Floats:
         some = np.arange(first, min(first + step, len(places)))
         within = np.einsum("nti,tij->ntj", places[some, None] - corners[None, :, 0], inverse)
         shares = np.concatenate([1.0 - within.sum(axis=2, keepdims=True), within], axis=2)
-        inside = shares.min(axis=2).argmax(axis=1)  # the triangle that the place is in, or the nearest
-        values = shares[np.arange(len(some)), inside]
-        values[np.abs(values) < _ROUNDING] = 0.0
-        hats[some[:, None], triangles[inside]] = values / values.sum(axis=1, keepdims=True)
-    return hats
+        inside = shares.min(axis=2)
+        inside = inside >= np.minimum(inside.max(axis=1), 0.0)[:, None] - _ON_EDGE  # or in the nearest one
+        place, triangle = np.nonzero(inside)
+        weight = shares[place, triangle] / inside.sum(axis=1)[place, None]
+        np.add.at(hats, (some[place][:, None], triangles[triangle]), weight)
+    hats[np.abs(hats) < _ROUNDING] = 0.0
+    return np.asarray(hats / hats.sum(axis=1, keepdims=True))
+
+
+def _both_ways(delaunay: Delaunay, points: Floats) -> Ints:
+    """Triangles (n, 3) of a triangulation, and of the other one where four points are on a circle."""
+    more = []
+    for number, (triangle, others) in enumerate(zip(delaunay.simplices, delaunay.neighbors, strict=True)):
+        for apex, other in zip(triangle, others, strict=True):
+            if other < number:  # none is -1
+                continue
+            a, b = (corner for corner in triangle if corner != apex)
+            (opposite,) = set(delaunay.simplices[other].tolist()) - {int(a), int(b)}
+            angles = [_angle(points, end, a, b) for end in (apex, opposite)]
+            if abs(sum(angles) - np.pi) < _ON_CIRCLE:
+                more += [(apex, opposite, a), (apex, opposite, b)]
+    return np.concatenate([delaunay.simplices, np.array(more, dtype=np.int64).reshape(-1, 3)])
+
+
+def _angle(points: Floats, at: int, a: int, b: int) -> float:
+    """Angle at a point between two others [rad]; opposite ones of four points on a circle add up to pi."""
+    one, two = points[a] - points[at], points[b] - points[at]
+    return float(np.arctan2(abs(one[0] * two[1] - one[1] * two[0]), one @ two))

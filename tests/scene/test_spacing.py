@@ -1,7 +1,9 @@
 """`spacing`: gaps farther apart than the nodes, each for a patch of the face."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,14 +14,20 @@ from simulating import simulated
 
 import romdam
 from romdam.config import parse_config
+from romdam.config.load import Job
+from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError
-from romdam.error.metrics import relative_l2
+from romdam.error.metrics import RelativeError, relative_l2
+from romdam.pipelines import automatic_spacing
+from romdam.pipelines.automatic_spacing import choose_spacing
 from romdam.pipelines.check import check
+from romdam.pipelines.input_motions import records_of, usable
 from romdam.reduction.synthesis import reduce_scene
+from romdam.scene import joints as joints_module
 from romdam.scene.build import build_scene
 from romdam.scene.mortar.gaps import FaceGaps
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.patches import coarsen_gaps
+from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.stress.sections import gaps_above
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
@@ -136,6 +144,55 @@ def test_what_is_above_a_section_is_the_same(make):
     np.testing.assert_allclose(above, 4.0 * (12.0 - 7.3), rtol=1e-7)
 
 
+def test_gaps_that_are_held_leave_the_water_of_the_others(make):
+    """The lowest row of nodes is held on both sides: gaps that are left out take their patches with them."""
+    raw = floating_pair(spacing=3.0)
+    raw["loads"] = {"joint_water": [{"joints": ["c"], "level": 20.0}]}
+    joint = make(raw).joints["c"]
+    kept = np.array([1, 2, 5])
+    some = joints_module._select(joint, kept)
+    assert some.patches.shape[0] == 3
+    values = np.arange(float(some.patches.shape[1]))
+    np.testing.assert_array_equal(some.of_corners(values), joint.of_corners(values)[kept])
+
+
+def test_normals_along_the_line_of_two_nodes_are_of_both_sides(make):
+    raw = floating_pair(spacing=3.0, normal="nodes", tolerance=0.2)
+    raw["blocks"]["right"]["box"]["origin"] = [0, 2.1, 0]
+    joint = make(raw).joints["c"]
+    np.testing.assert_allclose(joint.axes[:, 0], np.tile([0.0, 1.0, 0.0], (len(joint.area), 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("keys", [{}, {"right": 1.5}], ids=["node to node", "mortar"])
+def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
+    """Round-off must not choose between the two triangulations of four points on a circle."""
+    scene = make(floating_pair(**keys))
+    config = JointConfig(between=("left", "right"), normal_stiffness=1e9)
+    gaps, surface = joints_module._face_gaps(config, scene.blocks["left"], scene.blocks["right"], "here")
+    along = joints_module.local_axes(mean_normal(gaps)[None])[0, 1:]
+    plain = coarsen_gaps(gaps, surface, 3.0, along, "here")
+    a = np.radians(33.0)
+    turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    rng = np.random.default_rng(3)
+    order = rng.permutation(len(gaps.area))
+    turned = replace(
+        gaps,
+        position=(gaps.position @ turn.T)[order] + 1e-12 * rng.normal(size=gaps.position.shape),
+        opposite=(gaps.opposite @ turn.T)[order],
+        normal=(gaps.normal @ turn.T)[order],
+        area=gaps.area[order],
+        corner=gaps.corner[order],
+        weights=tuple(w[order] for w in gaps.weights),
+        at_point=None if gaps.at_point is None else tuple(w[order] for w in gaps.at_point),
+    )
+    other = coarsen_gaps(turned, surface, 3.0, along @ turn.T, "here")
+    apart = np.linalg.norm((plain.position @ turn.T)[:, None] - other.position, axis=2)
+    pair = apart.argmin(axis=1)
+    assert apart.min(axis=1).max() < 1e-9 and len(plain.area) == len(other.area)
+    for found, exact in zip(other.weights, plain.weights, strict=True):
+        assert abs(found[pair] - exact).max() < 1e-8
+
+
 def test_nodes_that_are_farther_apart_keep_their_gaps(make):
     every, some = make(two_boxes()).joints["c"], make(two_boxes(spacing=0.5)).joints["c"]
     assert np.array_equal(every.position, some.position) and some.patches is None
@@ -165,7 +222,7 @@ def test_a_face_that_turns_around_a_corner_is_refused():
     )
     surface = Surface("left", position, np.array([[0, 1, 2, 3], [1, 4, 5, 2]]))
     with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
-        coarsen_gaps(gaps, surface, 5.0, "s.yaml: joints.c")
+        coarsen_gaps(gaps, surface, 5.0, np.eye(3)[:2], "s.yaml: joints.c")
 
 
 def shaken(spacing=None, **changes):
@@ -213,6 +270,52 @@ def test_auto_takes_what_the_accuracy_allows_and_the_result_says_it(tmp_path, ca
     spacing, gaps = taken["20 %"]
     assert spacing > 5.0 and gaps < 50
     assert "which change the openings by about" in caplog.text
+
+
+class Runs:
+    """Runs of a joint with known numbers of gaps, and the error that each difference states."""
+
+    def __init__(self, monkeypatch, numbers, errors):
+        self.numbers, self.errors, self.made = iter(numbers), iter(errors), 0
+        monkeypatch.setattr(automatic_spacing, "_run", self.run)
+        monkeypatch.setattr(automatic_spacing, "discretisation", self.state)
+
+    def run(self, job, motion, store):
+        self.made += 1
+        number = next(self.numbers)
+        return SimpleNamespace(
+            joints={"contraction": slice(0, number)},
+            history=SimpleNamespace(time=np.array([0.0, 9.0])),
+            position=np.zeros((number, 3)),
+        )
+
+    def state(self, judged, better, *, finer, about):
+        assert finer and len(judged.position) < len(better.position)
+        return SimpleNamespace(errors={"opening": RelativeError(next(self.errors), 0.0)})
+
+
+@pytest.mark.parametrize(
+    ("numbers", "errors", "times", "made"),
+    [
+        ((6, 12), (0.009,), 8, 2),
+        ((6, 12), (0.029,), 4, 2),  # a third of it is stated of half the spacing
+        ((6, 12, 40), (0.2, 0.009), 4, 3),
+        ((6, 12, 40), (0.2, 0.029), 2, 3),
+        ((6, 12, 40), (0.2, 0.031), None, 3),
+        ((6, 6, 40), (0.009,), 4, 3),  # two runs that are the same say nothing
+        ((6, 6, 6), (), None, 3),
+    ],
+)
+def test_the_largest_spacing_is_taken_that_two_unlike_runs_allow(monkeypatch, numbers, errors, times, made):
+    raw = yaml.safe_load(EXAMPLE.read_text())
+    raw["joints"]["contraction"]["spacing"] = "auto"
+    raw["transient"] = {"accuracy": "1 %"}
+    job = Job(parse_config(raw, EXAMPLE.name), EXAMPLE)
+    runs = Runs(monkeypatch, numbers, errors)
+    chosen = choose_spacing(job, usable(records_of(job))).config.joints["contraction"].spacing
+    distance = np.sqrt(500.0 / 100.0)  # of 100 gaps on 10 x 50 m
+    assert chosen == (None if times is None else pytest.approx(times * distance, rel=1e-9))
+    assert runs.made == made
 
 
 def test_check_says_that_spacing_is_left_to_the_run(tmp_path):

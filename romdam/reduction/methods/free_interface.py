@@ -231,8 +231,8 @@ def _ritz_levels(
         span = partial(span_of_modes, K, part.M, solver=solver, shift=part.shift)
         if choice.count is not None:
             return span(max(choice.count, fewest), None, beyond=more[0], further=more[1])
-        found = span(None, choice.cutoff, beyond=more[0], further=more[1])
-        return found if found[0][0] >= fewest else span(fewest, None, beyond=more[0], further=more[1])
+        below = span(None, choice.cutoff, beyond=more[0], further=more[1])
+        return below if below[0][0] >= fewest else span(fewest, None, beyond=more[0], further=more[1])
 
     _, ((modes, every), combine) = at_once(fill_static, find_modes, unknowns)
     T.widen(every)
