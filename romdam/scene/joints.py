@@ -68,12 +68,6 @@ def build_joint(
     location = f"{source}: joints.{name}"
     block_I, block_J = (blocks[b] for b in joint.between)
     face, surface = _face_gaps(joint, block_I, block_J, location)
-    every_corner = face.corner
-    if isinstance(joint.spacing, float):
-        nodes = len(face.area)
-        along = local_axes(mean_normal(face)[None])[0, 1:]
-        face = coarsen_gaps(face, surface, joint.spacing, along, location)
-        _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, len(face.area), nodes)
 
     # compare the gaps of a narrow face with their bedding in stiffness against rotation
     side = joint.between.index(surface.block)
@@ -100,12 +94,18 @@ def build_joint(
         weights=face.weights,
         at_point=face.at_point,
         water=np.zeros(len(face.area)),
-        face=_linear_face(surface, every_corner),
+        face=_linear_face(surface, face.corner),
         corner=face.corner,
-        patches=face.patches,
         **_properties(joint, face.area, face.position, folder, location),
     )
-    return _without_held_gaps(every_gap, fixed, parts, location)
+    joint_of_nodes = _without_held_gaps(every_gap, fixed, parts, location)
+    if not isinstance(joint.spacing, float):
+        return joint_of_nodes
+    along = local_axes(mean_normal(joint_of_nodes)[None])[0, 1:]
+    coarse = coarsen_gaps(joint_of_nodes, surface, joint.spacing, along, location)
+    nodes, gaps = len(joint_of_nodes.area), len(coarse.area)
+    _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, gaps, nodes)
+    return replace(coarse, **_properties(joint, coarse.area, coarse.position, folder, location))
 
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
@@ -325,7 +325,6 @@ def _select(joint: Joint, keep: Ints) -> Joint:
         nodes=(joint.nodes[0][seen[0]], joint.nodes[1][seen[1]]),
         weights=cut[0],
         at_point=None if joint.at_point is None else cut[1],
-        patches=None if joint.patches is None else csr_matrix(joint.patches[keep]),
         laws=laws,
         **{name: getattr(joint, name)[keep] for name in of_gaps},
     )

@@ -26,7 +26,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.scene.mortar.gaps import FaceGaps
+from romdam.core.scene import Joint
 from romdam.scene.mortar.surface import Surface
 
 if TYPE_CHECKING:
@@ -44,12 +44,12 @@ _SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is 
 _CHUNK = 4_000_000  # numbers at a time
 
 
-def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, along: Floats, location: str) -> FaceGaps:
+def coarsen_gaps(joint: Joint, surface: Surface, spacing: float, along: Floats, location: str) -> Joint:
     """Replace the gaps of a joint by contact points about `spacing` apart; see the module.
 
     Parameters
     ----------
-    gaps : of all nodes of the face
+    joint : with gaps at all nodes of the face that can open; what follows from its areas is not changed
     surface : that they stand on
     spacing : distance of contact points [m]
     along : (2, 3) unit vectors along j and k in the middle of the joint
@@ -57,68 +57,66 @@ def coarsen_gaps(gaps: FaceGaps, surface: Surface, spacing: float, along: Floats
 
     Returns
     -------
-    FaceGaps, the gaps as they are where the nodes are no closer than that
+    Joint, the same one where the nodes are no closer than that
 
     Raises
     ------
     ConfigError
-        for a face that is curved too much to be seen as a plane, or on which so few points stand in no plane.
+        for a face that is curved too much to be seen as a plane, or that so few points do not cover.
     """
-    mean = mean_normal(gaps)
-    cosine = float((gaps.normal @ mean).min())
+    cosine = float((joint.axes[:, 0] @ mean_normal(joint)).min())
     if cosine < np.cos(np.radians(_STEEPEST)):
         raise ConfigError(
             f"{location}.spacing: the face turns by {np.degrees(np.arccos(max(cosine, -1.0))):.0f} degrees, "
             f"limit {_STEEPEST:g} degrees, so that contact points between its nodes have no plane to stand "
             "in; leave spacing out, and every node has a gap"
         )
-    flat = (gaps.position - gaps.position.mean(axis=0)) @ along.T
-    points = _contact_points(flat, _outline(surface, gaps.corner), spacing)
+    flat = (joint.position - joint.position.mean(axis=0)) @ along.T
+    points = _contact_points(flat, _outline(surface, joint.corner), spacing)
     if len(points) == len(flat):
-        return gaps
+        return joint
     hats = _hats(flat[points], flat)
-    lumped = np.zeros((0, 0)) if hats is None else gaps.area[:, None] * hats
+    lumped = np.zeros((0, 0)) if hats is None else joint.area[:, None] * hats
     area = lumped.sum(axis=0)
     if hats is None or not (area > 0.0).all():
         raise ConfigError(
             f"{location}.spacing: {len(points)} gaps {spacing:g} m apart do not cover the face of "
             f"{len(flat)} nodes; give a smaller spacing, or leave it out, and every node has a gap"
         )
-    mass = hats.T @ lumped
-    spread = np.linalg.solve(mass, lumped.T)
+    spread = np.linalg.solve(hats.T @ lumped, lumped.T)
     spread[np.abs(spread) < _ROUNDING * np.abs(spread).max(axis=1, keepdims=True)] = 0.0
     spread /= spread.sum(axis=1, keepdims=True)
-    nodes = np.arange(len(gaps.corner)), gaps.corner
-    at_corner = csr_matrix((np.ones(len(gaps.corner)), nodes), shape=(len(gaps.corner), len(surface.points)))
-    exact = gaps.at_point or gaps.weights
+    corners = np.arange(len(joint.corner)), joint.corner
+    at_corner = csr_matrix((np.ones(len(flat)), corners), shape=(len(flat), len(surface.points)))
+    exact = joint.at_point or joint.weights
     return replace(
-        gaps,
-        position=gaps.position[points],
-        opposite=gaps.opposite[points],
-        normal=gaps.normal[points],
+        joint,
+        position=joint.position[points],
         area=area,
-        corner=gaps.corner[points],
-        weights=(csr_matrix(spread @ gaps.weights[0]), csr_matrix(spread @ gaps.weights[1])),
+        share=hats.T @ joint.share,
+        axes=joint.axes[points],
+        weights=(csr_matrix(spread @ joint.weights[0]), csr_matrix(spread @ joint.weights[1])),
         at_point=(csr_matrix(exact[0][points]), csr_matrix(exact[1][points])),
+        water=np.zeros(len(points)),
+        corner=joint.corner[points],
         patches=csr_matrix(csr_matrix(lumped.T / area[:, None]) @ at_corner),
     )
 
 
-def mean_normal(gaps: FaceGaps) -> Floats:
+def mean_normal(joint: Joint) -> Floats:
     """Unit normal (3,) of a joint, mean over its area."""
-    mean = gaps.area @ gaps.normal
+    mean = joint.area @ joint.axes[:, 0]
     return np.asarray(mean / np.linalg.norm(mean))
 
 
 def _outline(surface: Surface, corner: Ints) -> list[Ints]:
     """Closed loops of gaps around a face, each once around; `corner` has the node of every gap."""
-    corners = surface.facets[:, : surface.element.corners]
-    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
-    edges = edges[edges[:, 0] != edges[:, 1]]
     number = np.full(len(surface.points), -1)
     number[corner] = np.arange(len(corner))
-    edges = edges[(number[edges] >= 0).all(axis=1)]
-    seen = {(int(a), int(b)) for a, b in number[edges]}
+    corners = number[surface.facets[:, : surface.element.corners]]
+    corners = corners[(corners >= 0).all(axis=1)]
+    edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2)
+    seen = {(a, b) for a, b in edges.tolist() if a != b}
     following = {a: b for a, b in sorted(seen) if (b, a) not in seen}
     loops = []
     while following:

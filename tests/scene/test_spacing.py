@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 import yaml
 from scene_builders import box, two_boxes
-from scipy.sparse import eye_array
 from simulating import simulated
 
 import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
-from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError
 from romdam.error.metrics import RelativeError, relative_l2
 from romdam.pipelines import automatic_spacing
@@ -23,9 +21,8 @@ from romdam.pipelines.automatic_spacing import choose_spacing
 from romdam.pipelines.check import check
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.reduction.synthesis import reduce_scene
-from romdam.scene import joints as joints_module
 from romdam.scene.build import build_scene
-from romdam.scene.mortar.gaps import FaceGaps
+from romdam.scene.joints import local_axes
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.stress.sections import gaps_above
@@ -144,16 +141,17 @@ def test_what_is_above_a_section_is_the_same(make):
     np.testing.assert_allclose(above, 4.0 * (12.0 - 7.3), rtol=1e-7)
 
 
-def test_gaps_that_are_held_leave_the_water_of_the_others(make):
-    """The lowest row of nodes is held on both sides: gaps that are left out take their patches with them."""
-    raw = floating_pair(spacing=3.0)
-    raw["loads"] = {"joint_water": [{"joints": ["c"], "level": 20.0}]}
-    joint = make(raw).joints["c"]
-    kept = np.array([1, 2, 5])
-    some = joints_module._select(joint, kept)
-    assert some.patches.shape[0] == 3
-    values = np.arange(float(some.patches.shape[1]))
-    np.testing.assert_array_equal(some.of_corners(values), joint.of_corners(values)[kept])
+def test_no_gap_stands_where_nothing_can_open(make):
+    """Both blocks are held below: with all nodes and with fewer gaps the lowest row is left out, and its area
+    told apart."""
+    raw = floating_pair()
+    raw["supports"] = [{"block": name, "face": "zmin"} for name in ("left", "right")]
+    every = make(raw).joints["c"]
+    raw["joints"]["c"]["spacing"] = 3.0
+    some = make(raw).joints["c"]
+    assert every.position[:, 2].min() == some.position[:, 2].min() == 1.0
+    assert some.area.sum() == pytest.approx(every.area.sum(), rel=1e-12) and every.area.sum() < 48.0
+    assert some.whole_area.sum() == pytest.approx(48.0, rel=1e-12)
 
 
 def test_normals_along_the_line_of_two_nodes_are_of_both_sides(make):
@@ -167,23 +165,24 @@ def test_normals_along_the_line_of_two_nodes_are_of_both_sides(make):
 def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
     """Round-off must not choose between the two triangulations of four points on a circle."""
     scene = make(floating_pair(**keys))
-    config = JointConfig(between=("left", "right"), normal_stiffness=1e9)
-    gaps, surface = joints_module._face_gaps(config, scene.blocks["left"], scene.blocks["right"], "here")
-    along = joints_module.local_axes(mean_normal(gaps)[None])[0, 1:]
-    plain = coarsen_gaps(gaps, surface, 3.0, along, "here")
+    joint = scene.joints["c"]
+    block = scene.blocks[joint.face.block]
+    surface = Surface(block.name, block.points, joint.face.facets[0])
+    along = local_axes(mean_normal(joint)[None])[0, 1:]
+    plain = coarsen_gaps(joint, surface, 3.0, along, "here")
     a = np.radians(33.0)
     turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
     rng = np.random.default_rng(3)
-    order = rng.permutation(len(gaps.area))
+    order = rng.permutation(len(joint.area))
     turned = replace(
-        gaps,
-        position=(gaps.position @ turn.T)[order] + 1e-12 * rng.normal(size=gaps.position.shape),
-        opposite=(gaps.opposite @ turn.T)[order],
-        normal=(gaps.normal @ turn.T)[order],
-        area=gaps.area[order],
-        corner=gaps.corner[order],
-        weights=tuple(w[order] for w in gaps.weights),
-        at_point=None if gaps.at_point is None else tuple(w[order] for w in gaps.at_point),
+        joint,
+        position=(joint.position @ turn.T)[order] + 1e-12 * rng.normal(size=joint.position.shape),
+        axes=(joint.axes @ turn.T)[order],
+        area=joint.area[order],
+        share=joint.share[order],
+        corner=joint.corner[order],
+        weights=tuple(w[order] for w in joint.weights),
+        at_point=None if joint.at_point is None else tuple(w[order] for w in joint.at_point),
     )
     other = coarsen_gaps(turned, surface, 3.0, along @ turn.T, "here")
     apart = np.linalg.norm((plain.position @ turn.T)[:, None] - other.position, axis=2)
@@ -213,16 +212,14 @@ def test_what_cannot_be_meant_is_refused(make, keys, message):
         make(floating_pair(**keys))
 
 
-def test_a_face_that_turns_around_a_corner_is_refused():
-    position = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, -1], [1, 1, -1]])
-    normal = np.array([[0.0, 0, 1]] * 4 + [[1.0, 0, 0]] * 2)
-    one = eye_array(6).tocsr()
-    gaps = FaceGaps(
-        (np.arange(6),) * 2, position, position, normal, np.ones(6), np.arange(6), (one, one), None
-    )
-    surface = Surface("left", position, np.array([[0, 1, 2, 3], [1, 4, 5, 2]]))
+def test_a_face_that_turns_around_a_corner_is_refused(make):
+    scene = make(floating_pair())
+    joint = scene.joints["c"]
+    axes = joint.axes.copy()
+    axes[joint.position[:, 2] > 6.0] = axes[0] @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    surface = Surface("left", scene.blocks["left"].points, joint.face.facets[0])
     with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
-        coarsen_gaps(gaps, surface, 5.0, np.eye(3)[:2], "s.yaml: joints.c")
+        coarsen_gaps(replace(joint, axes=axes), surface, 5.0, np.eye(3)[:2], "s.yaml: joints.c")
 
 
 def shaken(spacing=None, **changes):

@@ -29,8 +29,6 @@ class FaceGaps:
     corner : (n,) node of the face's block at which each stands
     weights : (n, nodes) of either side, rows sum to 1
     at_point : the same for the jump at the very position, or None where it is the same
-    patches : (n, nodes of the face's block) of the mean over the face that each gap stands for, rows sum to
-        1; None where that is the corner alone
     """
 
     nodes: tuple[Ints, Ints]
@@ -41,7 +39,6 @@ class FaceGaps:
     corner: Ints
     weights: tuple[csr_matrix, csr_matrix]
     at_point: tuple[csr_matrix, csr_matrix] | None
-    patches: csr_matrix | None = None
 
 
 def mortar_gaps(interface: MortarInterface) -> FaceGaps:
