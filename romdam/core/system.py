@@ -254,6 +254,8 @@ class System:
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
         conjugate to the joint force; None where it is the same
+    point_shift : (directions * ng,) what grouting has taken off the jump at the gaps' positions beside that
+        of B; None where nothing
     law : the gaps
     parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
     diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
@@ -281,6 +283,7 @@ class System:
     floating: bool
     reduced: bool = False
     at_point: csr_matrix | None = None
+    point_shift: Floats | None = None
     motions: dict[Motion, slice] = field(default_factory=lambda: {Motion.BASE: slice(0, 3)})
     drives: tuple[Drive, ...] = ()
     gyroscopic: bool = False
@@ -291,6 +294,12 @@ class System:
     def size(self) -> int:
         """Number of unknowns."""
         return self.M.shape[0]
+
+    def more_at_points(self, u: Floats) -> Floats:
+        """What the jumps (directions * ng,) at the gaps' positions are more than those of B, for u (n,)."""
+        assert self.at_point is not None
+        more = self.at_point @ u
+        return np.asarray(more if self.point_shift is None else more + self.point_shift)
 
     @property
     def solids(self) -> int:

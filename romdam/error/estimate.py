@@ -250,7 +250,7 @@ def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
     if system.at_point is None:
         return jump
     assert history.coordinates is not None
-    more = system.at_point @ (finer.embed @ history.coordinates.row(row)[0])
+    more = system.more_at_points(finer.embed @ history.coordinates.row(row)[0])
     if system.pseudo_static is not None:
         more += system.pseudo_static.at_point @ history.supports[row]
     return jump - more.reshape(jump.shape)

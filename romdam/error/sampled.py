@@ -118,11 +118,11 @@ class Sampling:
 
     def _start(self, row: int) -> Start:
         """The finer run's state in a row, its jumps those that joint forces see."""
-        history, more = self.history, self.finer.system.at_point
+        history, system = self.history, self.finer.system
         assert history.q is not None
         jump = history.jump[row]
-        if more is not None:
-            jump = jump - (more @ history.q[row]).reshape(jump.shape)
+        if system.at_point is not None:
+            jump = jump - system.more_at_points(history.q[row]).reshape(jump.shape)
         static = self.settings.initial_state == "static"
         return start_at(history, self.finer.system.law, row, jump, static)
 

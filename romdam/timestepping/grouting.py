@@ -15,7 +15,7 @@ import numpy as np
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import gap_memory
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import System, with_parameters
 from romdam.timestepping.equilibrium import static_equilibrium, system_gap_problem
@@ -68,4 +68,27 @@ def grouted(system: System, tolerance: float) -> System:
         rows, start = len(memory) - len(gaps.history), memory.copy()
         memory[rows:, ~fills] = gaps.history[:, ~fills]
         after = replace(after, memory=np.zeros((0, 0, 0)) if (memory == start).all() else memory)
-    return replace(system, law=after)
+    return replace(system, law=after, point_shift=_filled_at_points(system, q, gaps.jump, fills))
+
+
+def _filled_at_points(system: System, q: Floats, jump: Floats, fills: Bools) -> Floats | None:
+    """What the grout takes off the jumps at the gaps' positions beside those that joint forces see.
+
+    It fills what is open there, too: a gap that has just been grouted is closed wherever it is looked at.
+
+    Parameters
+    ----------
+    q : (n,) displacement when the grout sets
+    jump : (ng, d) of the gaps then, d the directions of the stage
+    fills : (ng,) gaps that are grouted
+    """
+    if system.at_point is None:
+        return None
+    d = system.law.directions
+    more = (system.at_point @ q).reshape(-1, d)
+    shift = np.where(fills[:, None], -more, 0.0)
+    at_rest = jump[:, NORMAL]
+    shift[:, NORMAL] = np.where(
+        fills, np.maximum(at_rest, 0.0) - np.maximum(at_rest + more[:, NORMAL], 0.0), 0.0
+    )
+    return np.asarray(shift.ravel())

@@ -14,18 +14,21 @@ from simulating import simulated
 import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
+from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.error.metrics import RelativeError, relative_l2
 from romdam.pipelines import automatic_spacing
 from romdam.pipelines.automatic_spacing import choose_spacing
 from romdam.pipelines.check import check
 from romdam.pipelines.input_motions import records_of, usable
+from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.scene.joints import local_axes
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.stress.sections import gaps_above
+from romdam.timestepping.grouting import grouted
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
 
@@ -216,7 +219,7 @@ def test_a_face_that_turns_around_a_corner_is_refused(make):
     scene = make(floating_pair())
     joint = scene.joints["c"]
     axes = joint.axes.copy()
-    axes[joint.position[:, 2] > 6.0] = axes[0] @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    axes[joint.position[:, 2] > 9.0] = axes[0] @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     surface = Surface("left", scene.blocks["left"].points, joint.face.facets[0])
     with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
         coarsen_gaps(replace(joint, axes=axes), surface, 5.0, np.eye(3)[:2], "s.yaml: joints.c")
@@ -267,6 +270,24 @@ def test_auto_takes_what_the_accuracy_allows_and_the_result_says_it(tmp_path, ca
     spacing, gaps = taken["20 %"]
     assert spacing > 5.0 and gaps < 50
     assert "which change the openings by about" in caplog.text
+
+
+@pytest.mark.parametrize("integrator", ["adaptive", "generalized_alpha"])
+@pytest.mark.parametrize("keys", [{"spacing": 3.0}, {"element": "hex20", "gaps": "corners"}], ids=str)
+def test_a_joint_that_has_just_been_grouted_is_closed_wherever_it_is_looked_at(make, keys, integrator):
+    """At rest every gap carries p A, and its opening is -p / K_n, also at its very position."""
+    keys = {"normal_stiffness": 2e10, "shear_stiffness": 1e10, "friction": 0.7, **keys}
+    raw = floating_pair(**keys, grouting_pressure=5e5)
+    raw["supports"] = [{"block": name, "face": "zmin"} for name in ("left", "right")]
+    scene = make(raw)
+    damping = DampingConfig.model_validate({"rayleigh": {"frequencies": [5.0, 50.0], "ratio": 0.05}})
+    system = grouted(reduce_scene(scene, ALL_MODES, damping).system, 1e-10)
+    rest = simulated(
+        system, np.zeros((3, 11)), 0.001, integrator=integrator, initial_state="static", stride=1
+    )
+    np.testing.assert_allclose(rest.jump[0, :, 0], -5e5 / 2e10, rtol=1e-6)
+    np.testing.assert_allclose(rest.traction[0, :, 0], 5e5 * scene.joints["c"].area, rtol=1e-6)
+    assert np.abs(rest.jump[0, :, 1:]).max() < 1e-6 * 5e5 / 2e10
 
 
 class Runs:

@@ -249,8 +249,11 @@ class _Rows:
 
     def _at_points(self, state: _State) -> Floats:
         """Jumps at the gaps' very positions (ng, d)."""
-        more, jump = self.system.at_point, state.gaps.jump
-        return jump if more is None else jump + (more @ state.u + state.carried.more).reshape(jump.shape)
+        jump = state.gaps.jump
+        if self.system.at_point is None:
+            return jump
+        more = self.system.more_at_points(state.u) + state.carried.more
+        return np.asarray(jump + more.reshape(jump.shape))
 
     def _recorded(self, state: _State) -> _Recorded:
         system = self.system

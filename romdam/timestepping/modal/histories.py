@@ -45,6 +45,8 @@ def history_of_rows(
     jump = rows.gaps.jump
     if system.at_point is not None:
         at_points = _Observed.of(prepared, split, "at_point").displacement(rows, follows)
+        if system.point_shift is not None:
+            at_points = at_points + system.point_shift
         jump = jump + at_points.reshape(jump.shape)
     if settings.only_jumps:
         rows, acc, follows = at(rows, slice(0)), acc[:, :0], follows[:0]

@@ -88,7 +88,9 @@ def merge_equivalent_contacts(
     spring_n, spring_s = np.where(rigid_n, 0.0, law.K_n), np.where(rigid_s, 0.0, law.K_s)
     values = np.column_stack([rigid_n, rigid_s, spring_n, spring_s, law.mu, law.gap])
     classes = _separated(np.zeros(len(law), dtype=np.int64), values)
-    key = (active.tobytes(), law.directions, classes.tobytes(), law.slip.tobytes(), law.slipped.tobytes())
+    shift = b"" if system.point_shift is None else system.point_shift.tobytes()
+    starts = law.slip.tobytes(), law.slipped.tobytes(), shift
+    key = (active.tobytes(), law.directions, classes.tobytes(), *starts)
     if key not in known:
         known[key] = _equivalence(system, active, classes)
     same = known[key]
@@ -134,6 +136,10 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
         if np.abs((at_gaps - spread @ at_groups).toarray()).max() > _EXACT * np.abs(system.B @ Q).max():
             return None  # jumps at the gaps' positions differ within a group
         smaller = replace(smaller, at_point=csr_matrix(at_groups))
+    if (shift := system.point_shift) is not None:
+        if np.abs(shift - spread @ (mean @ shift)).max() > _EXACT * np.abs(shift).max(initial=0.0):
+            return None
+        smaller = replace(smaller, point_shift=np.asarray(mean @ shift))
     # random forces on the groups: every unit force would take as long as the reduction of large joints
     fewer = smaller.B.toarray()
     forces = np.random.default_rng(1).uniform(-1.0, 1.0, (len(jumps), _PROOFS))
