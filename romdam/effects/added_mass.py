@@ -44,7 +44,7 @@ from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
 from romdam.geometry.elements import Floats
 from romdam.linalg.dense import eigh, without_roundoff
-from romdam.reduction.basis import Lazy
+from romdam.reduction.basis import Lazy, Turn
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors
@@ -234,9 +234,11 @@ class _Change:
     dry: NDArray[np.int64]
     V: Floats
 
-    def columns(self, old: Floats) -> Floats:
-        """An operator (rows, m) on the old unknowns as one on the new ones."""
-        return np.hstack([old[:, self.wet] @ self.V, old[:, self.dry]])
+    @property
+    def whole(self) -> Turn:
+        """The change of all unknowns."""
+        places = len(self.wet) + np.arange(len(self.dry))
+        return Turn(self.wet, self.V, self.dry, places, len(self.wet) + len(self.dry))
 
     def parts(self, old: dict[str, slice]) -> dict[str, slice]:
         """The unknowns of the water, then what is left of each part."""
@@ -247,10 +249,10 @@ class _Change:
                 parts[name] = slice(int(first), int(last))
         return parts
 
-    def of(self, first: int, last: int) -> tuple[slice, Floats | None]:
+    def of(self, first: int, last: int) -> tuple[slice, Turn | None]:
         """The new unknowns of old ones from `first` to `last`, and what turns them; None where all are dry.
 
-        Where some are wet: old[first:last] = turn @ new[slice].
+        The new unknowns are those of the slice.
         """
         old = np.arange(first, last)
         wet, dry = np.flatnonzero(np.isin(self.wet, old)), np.flatnonzero(np.isin(self.dry, old))
@@ -258,9 +260,7 @@ class _Change:
         if not len(wet):
             return slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0), None
         columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
-        turn = np.zeros((len(old), columns.stop))
-        turn[self.wet[wet] - first, :shift] = self.V[wet]
-        turn[self.dry[dry] - first, shift + dry] = 1.0
+        turn = Turn(self.wet[wet] - first, self.V[wet], self.dry[dry] - first, shift + dry, columns.stop)
         return columns, turn
 
 
@@ -271,17 +271,18 @@ def _diagonalised(
     k = system.K.diagonal()
     omega2, V = wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
+    rows = change.whole.rows
     omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
     more = system.at_point
     turned = replace(
         system,
         M=csr_matrix(diags_array(np.concatenate([np.ones(len(wet)), system.M.diagonal()[change.dry]]))),
         K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(change.columns(system.B.toarray())),
-        load=change.columns(np.asarray(system.load).T).T,
-        force=change.columns(system.force[None])[0],
-        observe=csr_matrix(change.columns(system.observe.toarray())),
-        at_point=None if more is None else csr_matrix(change.columns(more.toarray())),
+        B=csr_matrix(rows(system.B.toarray())),
+        load=rows(np.asarray(system.load).T).T,
+        force=rows(system.force[None])[0],
+        observe=csr_matrix(rows(system.observe.toarray())),
+        at_point=None if more is None else csr_matrix(rows(more.toarray())),
         parts=change.parts(system.parts),
     )
     basis = coordinates.basis
@@ -296,7 +297,7 @@ def _diagonalised(
                 changed[name],
                 vectors=Lazy(part.vectors, turn),
                 omega2=omega2[columns],
-                participation=turn.T @ part.participation,
+                participation=turn.rows(part.participation.T).T,
             )
     return turned, replace(coordinates, basis=changed)
 

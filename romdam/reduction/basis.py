@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import Basis, BlockBasis, Rows
 
 
@@ -62,16 +62,48 @@ class Mapped(Dense):
 
 
 @dataclass(frozen=True)
+class Turn:
+    """New coordinates in place of old ones: old[mixed] = mix @ new[:c], old[kept] = new[places].
+
+    Attributes
+    ----------
+    mixed, mix : (w,) and (w, c)
+    kept, places : (k,) each; old coordinates are mixed or kept
+    size : number of new coordinates
+    """
+
+    mixed: Ints
+    mix: Floats
+    kept: Ints
+    places: Ints
+    size: int
+
+    def rows(self, old: Floats) -> Floats:
+        """An operator (r, w + k) on the old coordinates as one on the new ones, (r, size)."""
+        new = np.zeros((len(old), self.size))
+        new[:, : self.mix.shape[1]] = old[:, self.mixed] @ self.mix
+        new[:, self.places] = old[:, self.kept]
+        return new
+
+    def old(self, new: Floats) -> Floats:
+        """Old coordinates of new ones, (size,) or (size, j)."""
+        old = np.zeros((len(self.mixed) + len(self.kept), *new.shape[1:]))
+        old[self.mixed] = self.mix @ new[: self.mix.shape[1]]
+        old[self.kept] = new[self.places]
+        return old
+
+
+@dataclass(frozen=True)
 class Lazy:
-    """left times right (k, m): another basis in new coordinates, its rows made as they are asked for."""
+    """Another basis in new coordinates, its rows made as they are asked for."""
 
     left: Basis
-    right: Floats
+    turn: Turn
 
     @property
     def shape(self) -> tuple[int, int]:
         """DOFs and vectors."""
-        return self.left.shape[0], self.right.shape[1]
+        return self.left.shape[0], self.turn.size
 
     @property
     def nbytes(self) -> int:
@@ -80,21 +112,23 @@ class Lazy:
 
     def rows(self, which: Rows = slice(None)) -> Floats:
         """Some rows (k, m)."""
-        return np.asarray(self.left.rows(which) @ self.right)
+        return self.turn.rows(self.left.rows(which))
 
     def apply(self, q: Floats) -> Floats:
         """Displacement of coordinates."""
-        return self.left.apply(self.right @ q)
+        return self.left.apply(self.turn.old(q))
 
     def project(self, force: Floats) -> Floats:
         """Force on the coordinates."""
-        return np.asarray(self.right.T @ self.left.project(force))
+        old = self.left.project(force)
+        new = self.turn.rows(old[None] if old.ndim == 1 else old.T)
+        return np.asarray(new[0] if old.ndim == 1 else new.T)
 
     def under(self, operator: csr_matrix) -> Floats:
-        """An operator on every vector, the product with `right` where it has fewer rows."""
+        """An operator on every vector, turned where it has fewer rows."""
         if operator.shape[0] > self.shape[0]:
             return np.asarray(operator @ self.rows())
-        return np.asarray(self.left.under(operator) @ self.right)
+        return self.turn.rows(self.left.under(operator))
 
 
 @dataclass(frozen=True)

@@ -103,5 +103,5 @@ def _within(fine: Basis, coarse: Basis) -> Floats | None:
     """T_fine^T M T_coarse of a basis that stands on the coarse one, M without the water's; None of others."""
     if isinstance(fine, Lazy) and isinstance(coarse, Lazy):
         inner = _within(fine.left, coarse.left)
-        return None if inner is None else np.asarray(fine.right.T @ inner @ coarse.right)
+        return None if inner is None else fine.turn.rows(coarse.turn.rows(inner).T).T
     return fine.within if isinstance(fine, Augmented) and fine.inner.vectors is coarse else None

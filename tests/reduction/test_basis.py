@@ -5,11 +5,13 @@ import pytest
 from scipy.sparse import random_array
 
 from romdam.core.basis import BlockBasis
-from romdam.reduction.basis import Augmented, Dense, Lazy, Mapped
+from romdam.reduction.basis import Augmented, Dense, Lazy, Mapped, Turn
 
 rng = np.random.default_rng(0)
 LEFT, RIGHT = rng.standard_normal((30, 7)), rng.standard_normal((7, 5))
 WHOLE = LEFT @ RIGHT
+NONE = np.arange(0)
+MIXED, PLAIN = (Turn(np.arange(7), mix, NONE, NONE, mix.shape[1]) for mix in (RIGHT, np.eye(7)))
 
 
 def mapped(array, folder):
@@ -25,16 +27,16 @@ def inner(vectors):
 KINDS = {
     "dense": lambda folder: Dense(WHOLE),
     "mapped": lambda folder: mapped(WHOLE, folder),
-    "lazy": lambda folder: Lazy(Dense(LEFT), RIGHT),
-    "lazy over mapped": lambda folder: Lazy(mapped(LEFT, folder), RIGHT),
-    "lazy over lazy": lambda folder: Lazy(Lazy(Dense(LEFT), np.eye(7)), RIGHT),
+    "lazy": lambda folder: Lazy(Dense(LEFT), MIXED),
+    "lazy over mapped": lambda folder: Lazy(mapped(LEFT, folder), MIXED),
+    "lazy over lazy": lambda folder: Lazy(Lazy(Dense(LEFT), PLAIN), MIXED),
     "augmented": lambda folder: Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], RIGHT),
     "augmented over mapped": lambda folder: Augmented(
         inner(mapped(LEFT[:, :4].copy(), folder)), LEFT[:, 4:], RIGHT
     ),
     "augmented by nothing": lambda folder: Augmented(inner(Dense(LEFT)), LEFT[:, :0], RIGHT),
     "lazy over augmented": lambda folder: Lazy(
-        Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], np.eye(7)), RIGHT
+        Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], np.eye(7)), MIXED
     ),
 }
 
@@ -57,6 +59,23 @@ def test_rows_and_products_are_those_of_the_array(kind, tmp_path):
     for found, known in pairs:
         assert isinstance(found, np.ndarray) and found.shape == known.shape
         assert np.abs(found - known).max() < 1e-13 * np.abs(known).max()
+
+
+def test_coordinates_that_are_kept_are_not_mixed():
+    """Old coordinates 5, 0 and 2 are mixed to three new ones; the others come after, out of order."""
+    turn = Turn(np.array([5, 0, 2]), RIGHT[:3, :3], np.array([1, 3, 4, 6]), np.array([8, 3, 5, 4]), 9)
+    matrix = np.zeros((7, 9))
+    matrix[[5, 0, 2], :3] = RIGHT[:3, :3]
+    matrix[[1, 3, 4, 6], [8, 3, 5, 4]] = 1.0
+    made, known = Lazy(Dense(LEFT), turn), LEFT @ matrix
+    q = rng.standard_normal((9, 2))
+    for found, array in (
+        (made.rows(), known),
+        (made.apply(q), known @ q),
+        (made.apply(q[:, 0]), known @ q[:, 0]),
+        (made.project(known), known.T @ known),
+    ):
+        np.testing.assert_allclose(found, array, rtol=0.0, atol=1e-13 * np.abs(array).max())
 
 
 def test_a_mapped_basis_cannot_be_changed(tmp_path):
