@@ -1,5 +1,8 @@
 """Static answers without mass: the flexibility that modes leave of a large interface."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scene_builders import box
@@ -7,12 +10,14 @@ from simulating import simulated
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.basis import BlockBasis
+from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import relative_l2
-from romdam.fem.assembly import assemble
+from romdam.fem.assembly import assemble, assemble_mass
 from romdam.fem.gaps import gap_operators
 from romdam.reduction.methods import flexible_rest
 from romdam.reduction.mode_choice import ALL_MODES, ModeChoice
 from romdam.reduction.refinement import embedding
+from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 
 DAMPING = DampingConfig.model_validate({"rayleigh": {"frequencies": [5.0, 50.0], "ratio": 0.05}})
@@ -141,3 +146,80 @@ def test_a_motion_in_water_is_the_same_in_the_finer_basis(make, massless, model)
         np.testing.assert_allclose(
             finer.vectors.apply(embedded[finer.columns]), u, atol=1e-6 * np.abs(u).max()
         )
+
+
+def test_three_times_the_modes_stand_beside_them_and_a_tenth_of_the_unknowns_at_least(make, massless):
+    """The left pillar has 72 unknowns."""
+
+    def modes(**choice):
+        basis = reduce_scene(scene_of(make), ModeChoice(**choice), DAMPING).basis["left"]
+        return len(basis.omega2) - basis.massless, np.sqrt(basis.omega2) / (2.0 * np.pi)
+
+    number, hz = modes(count=4)
+    assert number == 12
+    cutoff = hz[3] * 1.001
+    number, hz = modes(cutoff=cutoff)
+    assert number >= 4 and hz[number - 1] <= 3.0 * cutoff < hz[number]
+    number, every = modes(count=12)
+    assert every[len(hz[hz <= 3.0 * cutoff])] > 3.0 * cutoff
+    assert modes(count=1)[0] == 7
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        {},
+        {"free": False},
+        {"field": 1},
+        {"sound": 1440.0},
+        {"absorbing": True},
+        {"carried": np.eye(3)},
+        {"directions": 10},
+    ],
+    ids=str,
+)
+def test_what_sees_accelerations_or_velocities_keeps_the_mass(massless, seen):
+    part = SimpleNamespace(stands_free=lambda scene: seen.get("free", True))
+    sound = SimpleNamespace(sound=seen["sound"]) if "sound" in seen else None
+    dam = SimpleNamespace(absorbing=seen.get("absorbing", False))
+    scene = SimpleNamespace(free_field=seen.get("field"), reservoir=sound, blocks={"dam": dam})
+    loads = SimpleNamespace(carried={"dam": seen.get("carried", np.zeros((3, 0)))})
+    whole = SimpleNamespace(scene=scene, block_loads=loads, blocks=["dam"], mesh_part=part)
+    assert flexible_rest.needs_no_mass(whole, seen.get("directions", 11)) is (not seen)
+
+
+def test_modes_of_the_finer_basis_are_orthonormal_in_mass_and_stiffness(make, massless):
+    scene = scene_of(make)
+    _, fine = reduce_scene_twice(scene, ModeChoice(count=4), DAMPING)
+    for name, basis in fine.basis.items():
+        modes = slice(0, len(basis.omega2) - basis.massless)
+        Phi = basis.vectors.rows()[:, modes]
+        M, K = assemble_mass(scene.blocks[name]), assemble(scene.blocks[name])[0]
+        np.testing.assert_allclose(Phi.T @ M @ Phi, np.eye(modes.stop), atol=1e-7)
+        omega = np.sqrt(basis.omega2[modes])
+        stiffness = Phi.T @ K @ Phi / omega / omega[:, None]
+        np.testing.assert_allclose(stiffness, np.eye(modes.stop), atol=1e-7)
+
+
+def test_a_stored_basis_knows_what_has_no_mass(make, massless, tmp_path):
+    scene, store = scene_of(make), BlockStore(tmp_path)
+    made, read = (reduce_scene(scene, ModeChoice(count=4), DAMPING, store) for _ in range(2))
+    assert made.basis["left"].massless == read.basis["left"].massless > 0
+    np.testing.assert_array_equal(made.system.M.toarray(), read.system.M.toarray())
+
+
+def test_water_presses_on_what_has_no_mass_and_adds_none(make, massless):
+    """Jumps at rest under the inertia of blocks and water, of the mesh and of the basis."""
+    wet = {"model": "incompressible", "level": 7.0, "upstream": [0, 1, 0]}
+    wet |= {"faces": [{"block": "right", "face": "ymax"}]}
+    scene = scene_of(make, water=wet)
+    model, full = reduce_scene(scene, ModeChoice(count=4), DAMPING), assemble_full(scene, DAMPING)
+    assert (model.system.M.diagonal() == 0.0).sum() == sum(b.massless for b in model.basis.values())
+    found, wanted = (
+        system.B @ np.linalg.solve(system.K.toarray(), np.asarray(load))
+        for system, load in ((model.system, model.system.load), (full, full.load))
+    )
+    dry = reduce_scene(replace(scene, reservoir=None), ModeChoice(count=4), DAMPING).system
+    without = dry.B @ np.linalg.solve(dry.K.toarray(), np.asarray(dry.load))
+    assert np.abs(found - without).max() > 0.1 * np.abs(without).max()
+    np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())

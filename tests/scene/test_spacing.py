@@ -16,6 +16,7 @@ from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.error.estimate import _jump_of_forces
 from romdam.error.metrics import RelativeError, relative_l2
 from romdam.pipelines import automatic_spacing
 from romdam.pipelines.automatic_spacing import choose_spacing
@@ -195,6 +196,20 @@ def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
         assert abs(found[pair] - exact).max() < 1e-8
 
 
+def test_a_gap_has_the_axes_of_the_node_at_which_it_stands(make):
+    """On a face that is bent by a few degrees, its nodes in any order."""
+    scene = make(floating_pair())
+    joint, block = scene.joints["c"], scene.blocks["left"]
+    angle = 0.02 * joint.position[:, 0] - 0.01 * joint.position[:, 2]
+    normals = np.column_stack([np.sin(angle), np.cos(angle), np.zeros(len(angle))])
+    bent = replace(joint, axes=local_axes(normals))
+    surface = Surface(block.name, block.points, joint.face.facets[0])
+    some = coarsen_gaps(bent, surface, 3.0, local_axes(mean_normal(bent)[None])[0, 1:], "here")
+    nodes = np.linalg.norm(some.position[:, None] - bent.position, axis=2).argmin(axis=1)
+    assert 4 < len(some.area) < len(bent.area)
+    np.testing.assert_array_equal(some.axes, bent.axes[nodes])
+
+
 def test_nodes_that_are_farther_apart_keep_their_gaps(make):
     every, some = make(two_boxes()).joints["c"], make(two_boxes(spacing=0.5)).joints["c"]
     assert np.array_equal(every.position, some.position) and some.patches is None
@@ -288,6 +303,10 @@ def test_a_joint_that_has_just_been_grouted_is_closed_wherever_it_is_looked_at(m
     np.testing.assert_allclose(rest.jump[0, :, 0], -5e5 / 2e10, rtol=1e-6)
     np.testing.assert_allclose(rest.traction[0, :, 0], 5e5 * scene.joints["c"].area, rtol=1e-6)
     assert np.abs(rest.jump[0, :, 1:]).max() < 1e-6 * 5e5 / 2e10
+    if integrator == "adaptive":  # what joint forces see of the row, from which an estimate goes on
+        finer = SimpleNamespace(prepared=SimpleNamespace(system=system), embed=np.eye(system.size))
+        jump = _jump_of_forces(rest, finer, 0)
+        np.testing.assert_allclose(jump[:, 0], -rest.traction[0, :, 0] / system.law.K_n, rtol=1e-6)
 
 
 class Runs:

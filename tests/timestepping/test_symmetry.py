@@ -197,3 +197,13 @@ def test_a_start_that_mirrors_itself_is_merged_and_another_is_not():
     one, other = (shaken(system, start=moved, merge_contacts=merge) for merge in (True, False))
     assert one.stats["integrated_gaps"] == 8
     assert np.array_equal(one.jump, other.jump)
+
+
+def test_groups_that_move_apart_are_not_merged(monkeypatch):
+    """Whatever the groups came from, forces on them prove that their gaps move alike."""
+    system, classes = in_modes(mirrored()), np.zeros(8, dtype=int)
+    gaps, signs = symmetry._partition(system, np.array([0]), classes)
+    assert symmetry._equivalence(system, np.array([0]), classes) is not None
+    wrong = np.where(gaps == gaps.max(), gaps.max() - 1, gaps)
+    monkeypatch.setattr(symmetry, "_partition", lambda *_: (wrong, signs))
+    assert symmetry._equivalence(system, np.array([0]), classes) is None
