@@ -10,6 +10,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.system import System
 from romdam.linalg.solvers import Solving
 from romdam.postprocess.record_measures import analysed_share, peak_time
+from romdam.records.processing.sequence import members_of
 
 MOST_STEPS = 10**8  # of a run: a record of 300 s in steps of 3 us
 LEAST_LEFT = 1e-6  # of a record's peak acceleration, below which what is run of it is a pad
@@ -65,6 +66,13 @@ def refuse_lengths(job: Job, motions: Iterable[GroundMotion], seconds: float | N
                 f"{job.path}: outputs.output_interval: nothing but the start would be written of "
                 f"{motion.name}, {length:g} s at intervals of {every:g} s; 0.01 s suits most dams"
             )
+        for member in members_of(motion):
+            if not length > float(str(member["start"])):
+                key = "transient.duration" if seconds is None else "duration"
+                raise ConfigError(
+                    f"{job.path}: {key}: {length:g} s of {motion.name} end before its record "
+                    f"{member['record']} starts, at {member['start']:g} s; make it longer, or leave it out"
+                )
         share, _ = analysed_share(motion, length)
         if share < LEAST_LEFT:
             raise ConfigError(

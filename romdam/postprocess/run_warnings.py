@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import OPEN, History
+from romdam.records.processing.sequence import members_of
 
 if TYPE_CHECKING:
     from romdam.config.sections.joint_water import JointWaterConfig
 
 _MASS = 0.1  # of the effective mass, in modes that do not follow the ground, from which on a run is in doubt
 _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
+_MOVES = 0.01  # of the largest speed, from which on a dam is not at rest
+_ON_TIME = 1e-9  # round-off of a time [s]
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
 
 
@@ -48,6 +55,28 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
             f"other steps show: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
             "transient.accuracy; if a finer step does not help, the history is chaotic: trust the peaks only"
         )
+    return sentences
+
+
+def unrest_warnings(motion: GroundMotion, history: History) -> list[str]:
+    """Say which record of a sequence finds the dam still moving, a sentence for each.
+
+    The kinetic energy at its start is held against the largest before it.
+    """
+    kinetic, sentences = history.energy["kinetic"], []
+    for member in members_of(motion)[1:]:
+        start = float(str(member["start"]))
+        row = int(np.searchsorted(history.time, start + _ON_TIME, side="right")) - 1
+        if row < 1 or row + 1 >= len(kinetic):
+            continue
+        largest = float(kinetic[: row + 1].max())
+        share = math.sqrt(float(kinetic[row]) / largest) if largest > 0.0 else 0.0
+        if share > _MOVES:
+            sentences.append(
+                f"{member['record']} starts at {start:.4g} s, when the dam still moves at {share:.2g} of the "
+                f"largest speed before (root of the kinetic energies), limit {_MOVES:g}; if it is to be at "
+                "rest by then, give records[].rest more seconds"
+            )
     return sentences
 
 

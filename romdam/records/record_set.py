@@ -22,6 +22,7 @@ from romdam.records.components import measures
 from romdam.records.design.selection import Candidate, select_motions
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.processing.offset import COUNTED_AS_MOTION
+from romdam.records.processing.sequence import in_sequence
 from romdam.records.sources import Recorded, pick, sources_of
 
 EACH = "each"
@@ -66,8 +67,9 @@ def load_records(
     -------
     In the order of the entries; those that an entry's `keep` or `select` leaves out are not among them.
     """
+    earlier: dict[str, GroundMotion] = {}
     for number, entry in enumerate(records):
-        for record in _of_entry(entry, folder, f"{section}[{number}]" if section else ""):
+        for record in _of_entry(entry, folder, f"{section}[{number}]" if section else "", earlier):
             if entry.target is not None and tell is not None:
                 tell(record)
             if record.passes:
@@ -82,9 +84,9 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     RecordError, ConfigError
         for a record that cannot be used, two records with one name, or a `keep` that takes none.
     """
-    motions: list[GroundMotion] = []
+    motions, earlier = list[GroundMotion](), dict[str, GroundMotion]()
     for number, entry in enumerate(records):
-        loaded = list(_of_entry(entry, folder, f"records[{number}]"))
+        loaded = list(_of_entry(entry, folder, f"records[{number}]", earlier))
         for record in loaded:
             if record.error is not None and record.passes:
                 raise record.error
@@ -101,8 +103,16 @@ def load_motions(records: Sequence[RecordConfig], folder: Path) -> list[GroundMo
     return motions
 
 
-def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
-    """The records of an entry, whose errors name the key where there is one to be mended."""
+def _of_entry(
+    entry: RecordConfig, folder: Path, key: str, earlier: dict[str, GroundMotion]
+) -> Iterator[Loaded]:
+    """The records of an entry, whose errors name the key where there is one to be mended.
+
+    Parameters
+    ----------
+    earlier : name -> motion of the entries above, of which `after` names one; gains those of this entry
+    """
+    of_entry: list[GroundMotion] = []
     try:
         for record in _candidates(entry, folder) if entry.target is not None else _read(entry, folder):
             below = getattr(record.error, "key", "") or next(
@@ -112,9 +122,32 @@ def _of_entry(entry: RecordConfig, folder: Path, key: str) -> Iterator[Loaded]:
             if key and isinstance(record.error, RecordError):
                 text = f"{key}.{below}: {record.error}"
                 record = replace(record, error=RecordError(text, f"{key}.{below}"))
+            if record.passes and record.motion is not None:
+                if entry.after is not None:
+                    record = _after_another(record, entry, key, earlier)
+                of_entry += [] if record.motion is None else [record.motion]
             yield record
+        earlier |= {motion.name: motion for motion in of_entry}
     except RecordError as error:  # of `only`, which is the entry's own
         raise RecordError(f"{key}.only: {error}".removeprefix("."), key and f"{key}.only") from None
+
+
+def _after_another(record: Loaded, entry: RecordConfig, key: str, earlier: dict[str, GroundMotion]) -> Loaded:
+    """The record with the one that shakes the model before it, and the rest between them."""
+    assert entry.after is not None and entry.rest is not None and record.motion is not None
+    try:
+        first = earlier.get(entry.after)
+        if first is None:
+            near = difflib.get_close_matches(entry.after, earlier, n=1)
+            meant = f"did you mean {near[0]}?" if near else "put the record it follows above it"
+            known = f"there are {listed(list(earlier))}" if earlier else "there is none"
+            raise RecordError(
+                f"no record that can be used and stands above is named {quote(entry.after)}, {known}; {meant}"
+            )
+        return replace(record, motion=in_sequence(first, entry.rest, record.motion))
+    except RecordError as error:
+        text = f"{key}.after: {record.name}: {error}".removeprefix(".")
+        return replace(record, motion=None, error=RecordError(text, key and f"{key}.after"))
 
 
 def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:

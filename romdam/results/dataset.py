@@ -27,7 +27,7 @@ from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
-from romdam.postprocess.run_warnings import crack_warnings, run_warnings
+from romdam.postprocess.run_warnings import crack_warnings, run_warnings, unrest_warnings
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
 from romdam.results.renamed import with_names_of_now
@@ -89,6 +89,7 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         attributes["upstream"] = upstream
     warnings = [
         *run_warnings(history.stats),
+        *unrest_warnings(motion, history),
         *crack_warnings(job.config.loads.joint_water, scene, history),
         *sliding_warnings(case),
         *history.warnings,

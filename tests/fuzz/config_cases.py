@@ -317,6 +317,8 @@ def _matrices() -> dict[str, Any]:
 
 def _total() -> dict[str, Any]:
     raw = {key: copy.deepcopy(_TWO[key]) for key in ("materials", "blocks", "supports", "damping", "records")}
+    again = {"name": "again", "after": "pulse", "rest": "0.02 s"}
+    raw["records"].append({"file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}} | again)
     return raw | {
         "joints": {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
         "model": {"modes": "auto"},

@@ -57,6 +57,7 @@ MEASURES = {  # what records can be filtered by, and the unit of each
 _OFTEN_NOT_SI = ("pga", "pgv", "pgd", "cav")  # a limit of these needs its unit
 _BARE_UNIT = re.compile(r"^\s*[A-Za-z]")
 SHORTEST_DT, LONGEST_DT = 1e-5, 0.9  # s; milliseconds taken for seconds are 1 or more
+LONGEST_REST = 3600.0  # s between two records; dams come to rest within a minute
 
 
 def unit_in_si(unit: str) -> float:
@@ -232,6 +233,10 @@ class RecordConfig(Model):
     keep: dict[str, RangeConfig] = Field(default_factory=dict)
     only: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Names of the records that are taken of a folder, a manifest or a set, or patterns such as NORTHR*."""
+    after: Annotated[str, Field(min_length=1)] | None = None
+    """Name of a record of an entry above, which shakes the model first: of the mainshock of an aftershock."""
+    rest: Annotated[Time, Field(gt=0.0, le=LONGEST_REST)] | None = None
+    """Time without shaking between the end of the record named by `after` and the start of this one."""
 
     @property
     def scale_to_measure(self) -> bool:
@@ -274,6 +279,12 @@ class RecordConfig(Model):
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
+        if (self.after is None) != (self.rest is None):
+            given, missing_key = ("after", "rest") if self.rest is None else ("rest", "after")
+            raise ValueError(
+                f"`after` and `rest` belong together, and `{given}` stands alone; give `{missing_key}` too, "
+                "such as {after: mainshock, rest: 30 s}"
+            )
         by_component = any(c.file for c in self.components.values())
         missing = [self.file, self.files, self.manifest, self.suite].count(None)
         if missing != (4 if by_component else 3):
