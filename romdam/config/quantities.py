@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from functools import cache, partial
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, PlainSerializer, ValidationInfo
 
@@ -22,7 +22,13 @@ _NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\
 _NAME = r"([A-Za-zµ°]+(\^?-?\d)?|%)"
 _UNIT = re.compile(rf"^(1/)?{_NAME}(\s*[*/ ]\s*{_NAME})*$")
 _BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[1-6])\b")  # "m/s2" means m/s^2
-_DEGREES = re.compile(r"(?:deg|°)([CF])\b")  # no key is a temperature, they are all differences
+_DEGREES = re.compile(r"(?:deg|°)([CF])\b")  # in front of them: what is asked for is a difference
+TemperatureUnit = Literal["degC", "degF", "K"]
+CELSIUS: dict[TemperatureUnit, tuple[float, float]] = {  # zero point and size of a degree, in degC
+    "degC": (0.0, 1.0),
+    "degF": (-32.0 / 1.8, 1.0 / 1.8),
+    "K": (-273.15, 1.0),
+}
 _TYPED = str.maketrans("−⁻¹²³⁴⋅·", "--1234**")  # as word processors write signs, exponents and products
 _COMMA = re.compile(r"^\s*([+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(?!,)(.*)$")
 _LEAST = 1e-20  # in any SI unit: nothing but round-off is as small
@@ -40,6 +46,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "N/m^3": 1e20,
     "N*s/m^3": 1e20,
     "m/s": 1e6,
+    "m^2/s": 1.0,
     "": 1e6,
     "1/K": 1.0,
     "delta_degC": 1e4,
@@ -168,6 +175,29 @@ def to_si_stated(value: float | str, info: ValidationInfo, unit: str) -> float:
     return number
 
 
+def to_celsius(value: float | str) -> float:
+    """Convert text such as "8 degC", "46 degF" or "281 K" to a temperature in degC.
+
+    Raises
+    ------
+    ValueError
+        for a number without a unit, an unknown unit, and what is below absolute zero.
+    """
+    text = str(value).translate(_TYPED).replace("°", "deg")
+    match = _NUMBER_AND_UNIT.match(text) if len(text) <= _LONGEST else None
+    unit = match[2].replace(" ", "") if match else ""
+    if isinstance(value, bool) or match is None or unit not in CELSIUS:
+        raise ValueError(f'{quote(value)} is no temperature; write a number with its unit, such as "8 degC", '
+                         '"46 degF" or "281 K"')  # fmt: skip
+    zero, degree = CELSIUS[unit]
+    celsius = zero + degree * float(match[1])
+    if not CELSIUS["K"][0] <= celsius <= _MOST["delta_degC"]:
+        raise ValueError(
+            f"{quote(value)} is {celsius:g} degC, limits -273.15 and 10000 degC; is the unit right?"
+        )
+    return celsius
+
+
 def refuse_bare(value: float | str, unit: str) -> None:
     """Raise a ValueError for a number without a unit, but 0, where others than SI are common."""
     match = _NUMBER_AND_UNIT.match(str(value))
@@ -263,6 +293,8 @@ def _si(unit: str) -> BeforeValidator:
 
 def unit_of(validator: object) -> str | None:
     """The unit that a validator of this module converts to, in pint's spelling; None for any other."""
+    if validator is to_celsius:
+        return "degC"
     if isinstance(validator, partial) and validator.func in (to_si, to_si_stated):
         return str(validator.keywords["unit"])
     return None
@@ -270,7 +302,7 @@ def unit_of(validator: object) -> str | None:
 
 def needs_unit(validator: object) -> bool:
     """Whether a validator of this module refuses a bare number."""
-    return isinstance(validator, partial) and validator.func is to_si_stated
+    return validator is to_celsius or (isinstance(validator, partial) and validator.func is to_si_stated)
 
 
 def spelt(unit: str) -> str:
@@ -311,5 +343,9 @@ Velocity = Annotated[float, _si("m/s")]
 Dimensionless = Annotated[float, _si("")]
 Expansion = Annotated[float, _si("1/K")]
 TemperatureChange = Annotated[float, _si("delta_degC")]
+Temperature = Annotated[  # in degC; written with its unit, as a bare number is not read
+    float, BeforeValidator(to_celsius), PlainSerializer(partial(with_unit, unit="degC"), return_type=str)
+]
+Diffusivity = Annotated[float, _si("m^2/s")]
 Memory = Annotated[float, _si("byte")]
 Degrees = Annotated[float, _si("degree")]

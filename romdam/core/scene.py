@@ -391,7 +391,7 @@ class Scene:
     probes : nodes to be written
     stress : where stress is written; None if nowhere
     ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves, or None
-    warmed : block name -> uniform change of temperature [K]
+    warmed : block name -> change of temperature of the block, or (n,) of its nodes [K]; none of others
     excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
     radiating : blocks whose mass only carries away what the others send out: the ground does not shake it
     free_field : the waves that come up through the rock, see `romdam.effects.free_field`; None without
@@ -410,7 +410,7 @@ class Scene:
     stress: StressSites | None = None
     ties: tuple[Tie, ...] = ()
     water: tuple[Hydrostatic, ...] = ()
-    warmed: dict[str, float] = field(default_factory=dict)
+    warmed: dict[str, float | Floats] = field(default_factory=dict)
     excluded_from_gravity: frozenset[str] = frozenset()
     radiating: frozenset[str] = frozenset()
     free_field: FreeField | None = None

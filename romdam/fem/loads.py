@@ -43,7 +43,7 @@ def surface_force(scene: Scene, block: str) -> Floats:
     """
     points, matrices = scene.blocks[block].points, scene.blocks[block].matrices
     force = np.zeros_like(points) if matrices is None else matrices.force.reshape(-1, 3).copy()
-    if scene.warmed.get(block):
+    if block in scene.warmed:
         force += thermal_force(scene.blocks[block], scene.warmed[block])
     for water in scene.water:
         if water.block == block:
@@ -64,19 +64,26 @@ def pressure_force(points: Floats, facets: Ints, pressure: float) -> Floats:
     return force
 
 
-def thermal_force(block: Block, change: float) -> Floats:
-    """Nodal force int B^T D alpha change dV of a uniform change of temperature, (n, 3) [N].
+def thermal_force(block: Block, change: float | Floats) -> Floats:
+    """Nodal force int B^T D alpha change dV of a change of temperature, (n, 3) [N].
 
     The expansion held back makes the stress -E alpha change / (1 - 2 nu) in all directions.
+
+    Parameters
+    ----------
+    change : of the whole block, or (n,) of its nodes, between which it follows the shape functions [K]
     """
     material, force = block.material, np.zeros_like(block.points)
-    pressure = material.E * material.expansion * change / (1.0 - 2.0 * material.nu)
+    pressure = material.E * material.expansion * np.asarray(change) / (1.0 - 2.0 * material.nu)
     for element, _, cells in kinds_of(block.element, block.cells):
         xi, weight = element.rule
         jacobian = jacobians(block.points, cells, element, xi)
         gradient = np.linalg.solve(jacobian, element.gradient(xi)[None])
         volume = np.linalg.det(jacobian) * weight
-        np.add.at(force, cells, pressure * np.einsum("cq,cqka->cak", volume, gradient, optimize=True))
+        if pressure.ndim:
+            volume = volume * (pressure[cells] @ element.shape(xi).T)
+        nodal = np.einsum("cq,cqka->cak", volume, gradient, optimize=True)
+        np.add.at(force, cells, nodal if pressure.ndim else pressure * nodal)
     return force
 
 

@@ -152,18 +152,31 @@ def with_carried(fields: Mapping[str, Floats], carried: Mapping[str, Floats]) ->
 def thermal_stress(scene: Scene) -> dict[str, Floats]:
     """Stress of the blocks' temperature change with every expansion held back: block name -> (k, 6) [Pa].
 
-    It is what the stress of the displacement lacks: sigma = D (strain - expansion * change).
+    It is what the stress of the displacement lacks: sigma = D (strain - expansion * change). A change that
+    differs from node to node is taken at the points where stress is, and carried to the nodes as stress is:
+    so the strains that cancel in free expansion are of one order in both.
     """
     if scene.stress is None:
         return {}
     stress = {}
     for name, sites in scene.stress.blocks.items():
-        material = scene.blocks[name].material
-        lam, mu = lame(material)
-        strain = material.expansion * scene.warmed.get(name, 0.0)
-        normal = -(3.0 * lam + 2.0 * mu) * strain
-        stress[name] = np.tile([normal, normal, normal, 0.0, 0.0, 0.0], (len(sites.nodes), 1))
+        block, change = scene.blocks[name], scene.warmed.get(name, 0.0)
+        lam, mu = lame(block.material)
+        recovered = _recovered(block, change)[sites.nodes] if isinstance(change, np.ndarray) else change
+        normal = -(3.0 * lam + 2.0 * mu) * block.material.expansion * recovered
+        stress[name] = np.zeros((len(sites.nodes), 6))
+        stress[name][:, :3] = np.reshape(normal, (-1, 1))
     return stress
+
+
+def _recovered(block: Block, values: Floats) -> Floats:
+    """Values of nodes (n,) at the points where stress is taken, carried back to the nodes as stress is."""
+    total, cells_at_node = np.zeros((2, len(block.points)))
+    for element, _, cells in kinds_of(block.element, block.cells):
+        xi, carry = _recovery(element.name)
+        np.add.at(total, cells, values[cells] @ element.shape(xi).T @ carry.T)
+        cells_at_node += np.bincount(cells.ravel(), minlength=len(total))
+    return np.asarray(total / cells_at_node)
 
 
 def _stress_of_gradient(gradient: Floats, material: Material) -> Floats:

@@ -9,6 +9,7 @@ import numpy as np
 
 from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
+from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import (
     Block,
@@ -36,6 +37,7 @@ from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
+from romdam.scene.temperature import temperature_change
 from romdam.scene.ties import build_tie, merged_parts, refuse_tied
 
 
@@ -125,7 +127,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         probes=tuple(probes),
         ties=ties,
         water=_water(config, blocks, source),
-        warmed=_warmed(config, blocks, source),
+        warmed=_warmed(config, blocks, files, source),
         excluded_from_gravity=dam.excluded_from_gravity | frozenset(weightless),
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
@@ -200,27 +202,33 @@ def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydro
     return tuple(loads)
 
 
-def _warmed(config: Config, blocks: dict[str, Block], source: str) -> dict[str, float]:
-    changes, warmed = dict.fromkeys(blocks, 0.0), dict[str, int]()
+def _warmed(
+    config: Config, blocks: dict[str, Block], files: MeshFiles, source: str
+) -> dict[str, float | Floats]:
+    changes, warmed = dict[str, float | Floats](), dict[str, int]()
     for k, load in enumerate(config.loads.temperature):
+        location = f"{source}: loads.temperature[{k}]"
         names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
         stiff = [name for name in names if blocks[name].material.expansion == 0.0]
         if stiff or not names:
             what = f"block {stiff[0]!r} is of a material" if stiff else "no block is of a material"
             raise ConfigError(
-                f"{source}: loads.temperature[{k}]: {what} "
+                f"{location}: {what} "
                 f"{'without' if stiff else 'with'} thermal expansion; give materials.<name>.expansion, "
                 "about 1e-5 1/K for concrete"
             )
         for name in names:
             if name in warmed:
+                earlier = config.loads.temperature[warmed[name]].change
+                change = "" if earlier is None else f" ({earlier:g} K)"
                 raise ConfigError(
-                    f"{source}: loads.temperature[{k}]: the change of block {name!r} is named by "
-                    f"loads.temperature[{warmed[name]}] already ({changes[name]:g} K), limit once; name each "
+                    f"{location}: the change of block {name!r} is named by "
+                    f"loads.temperature[{warmed[name]}] already{change}, limit once; name each "
                     "block once, with its whole change"
                 )
-            changes[name], warmed[name] = load.change, k
-    return {name: change for name, change in changes.items() if change != 0.0}
+            warmed[name] = k
+        changes |= temperature_change(load, names, blocks, files, location)
+    return {name: changes[name] for name in blocks if np.any(changes.get(name, 0.0))}
 
 
 def _refuse_joined_twice(config: Config, source: str) -> None:

@@ -148,7 +148,23 @@ def _arch() -> dict[str, Any]:
             "gravity": [0, 0, -9.81],
             "weight": "staged",
             "hydrostatic": [{"level": 90.0, "faces": _WET, "density": 1000.0}],
-            "temperature": [{"change": -4.0, "blocks": ["C1"]}],
+            "temperature": [
+                {"change": -4.0, "blocks": ["C1"]},
+                {
+                    "faces": {
+                        "table": "faces.csv",
+                        "unit": "degC",
+                        "length": "m",
+                        "upstream": "upstream",
+                        "downstream": "downstream",
+                        "through": "equivalent",
+                        "diffusivity": "1e-6 m2/s",
+                    },
+                    "month": 2,
+                    "reference": {"C2": "8 degC"},
+                    "blocks": ["C2"],
+                },
+            ],
         },
         "water": {
             "level": 90.0,
@@ -246,7 +262,13 @@ def _suite() -> dict[str, Any]:
 def _others() -> dict[str, Any]:
     """What the other bases cannot have at the same time: ties, a mesh file, cuts, a design table, scales."""
     raw = copy.deepcopy(_TWO)
-    raw["joints"], raw["loads"] = {}, {}
+    points = {"table": "points.csv", "unit": "degF", "length": "m", "tolerance": "1 cm"}
+    nodes = {"table": "temperatures.csv", "unit": "degC"}
+    warm = [
+        {"points": points, "reference": "46 degF", "blocks": ["right"]},
+        {"nodes": nodes, "month": 1, "reference": "8 degC", "blocks": ["left"]},
+    ]
+    raw["joints"], raw["loads"] = {}, {"temperature": warm}
     del raw["comparison"]
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
     raw["blocks"]["left"] = {
@@ -346,6 +368,12 @@ def write_files(folder: Path) -> None:
     np.savetxt(folder / "pulse.txt", 5.0 * acc / np.abs(acc).max())
     (folder / "gaps.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0.001\n5,0,20,0.001\n")
     (folder / "samples.csv").write_text("ratio\n0.05\n")
+    months = "".join(f"{k},{z},5,{k}\n" for k in range(1, 13) for z in (-100, 200))
+    (folder / "faces.csv").write_text(f"month,elevation,upstream,downstream\n{months}")
+    corners = "".join(f"{x},{y},{z},{40 + y}\n" for x in (0, 5) for y in (0, 10) for z in (0, 20))
+    (folder / "points.csv").write_text(f"x,y,z,temperature\n{corners}")
+    numbers = "".join(f"{k},{k},1\n" for k in range(1, 21))
+    (folder / "temperatures.csv").write_text(f"node,temperature,month\n{numbers}")
     vertices = "\n".join(f"vertex {x} 15 {z}" for x, z in ((0, -9), (0, 90), (90, -9)))
     (folder / "surface.stl").write_text(f"solid s\nfacet\n{vertices}\nendfacet\nendsolid\n")
     (folder / "nodes.csv").write_text("node,x,y,z\n1,0,0,0\n")

@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, Tag, model_validator
 
-from romdam.config.base import Model
-from romdam.config.quantities import Acceleration, Density, Force, Length, Pressure, TemperatureChange
+from romdam.config.base import Model, by_shape
+from romdam.config.quantities import (
+    Acceleration,
+    Density,
+    Diffusivity,
+    Force,
+    Length,
+    Pressure,
+    Temperature,
+    TemperatureChange,
+    TemperatureUnit,
+    Whole,
+)
 from romdam.config.sections.joint_water import JointWaterConfig
-from romdam.config.sections.places import BlockFace, FaceRef, Tolerance, Vector
+from romdam.config.sections.places import BlockFace, FaceRef, LengthUnit, Tolerance, Vector
 from romdam.core.errors import quote
 
 Positive = Field(gt=0.0)
@@ -49,13 +61,119 @@ class HydrostaticConfig(Model):
     """Density of the water."""
 
 
-class TemperatureConfig(Model):
-    """A uniform change of temperature of blocks (all those whose material expands, if not named)."""
+class FaceTemperaturesConfig(Model):
+    """Temperatures of the upstream and the downstream face by elevation, and by month if need be.
 
-    change: Annotated[TemperatureChange, Field(ge=-300.0, le=1500.0)]
+    A node stands between the two where the horizontal plane through it cuts them: `linear` between the
+    temperatures of the month at its elevation; or as heat is conducted through a slab of the thickness there
+    whose faces have the temperatures of twelve months, year after year: `equivalent` has the mean and the
+    linear part of that over the thickness (Stucky and Derron), `harmonic` all of it.
+    """
+
+    table: Path
+    """CSV file with columns elevation, upstream, downstream and, if need be, month (1 to 12)."""
+    unit: TemperatureUnit
+    """Unit of the temperatures."""
+    length: LengthUnit = "m"
+    """Unit of the elevations."""
+    upstream: FaceRef = "upstream"
+    """Upstream face of each of the blocks: its name, or a plane."""
+    downstream: FaceRef = "downstream"
+    """Downstream face of each of the blocks: its name, or a plane."""
+    through: Literal["linear", "equivalent", "harmonic"] = "linear"
+    """Temperature through the thickness: straight between the faces, the equivalent mean and linear part of
+    conduction of heat, or conduction of heat itself."""
+    diffusivity: Annotated[Diffusivity, Positive] | None = None
+    """Thermal diffusivity of `equivalent` and `harmonic`; concrete has about 1e-6 m2/s."""
+
+    @model_validator(mode="after")
+    def _diffusing(self) -> Self:
+        if (self.through != "linear") != (self.diffusivity is not None):
+            raise ValueError(
+                "`diffusivity` belongs to `through: equivalent` and `through: harmonic`, which need it; "
+                "concrete has about 1e-6 m2/s"
+            )
+        return self
+
+
+class PointTemperaturesConfig(Model):
+    """Temperatures of scattered points; between them linear in the tetrahedra that the points span."""
+
+    table: Path
+    """CSV file with columns x, y, z, temperature and, if need be, month (1 to 12)."""
+    unit: TemperatureUnit
+    """Unit of the temperatures."""
+    length: LengthUnit = "m"
+    """Unit of the coordinates."""
+    tolerance: Tolerance = 1e-3
+    """Distance up to which a node outside of all tetrahedra has the temperature of the nearest point."""
+
+
+class NodeTemperaturesConfig(Model):
+    """Temperatures of the nodes of a mesh file, by their numbers there."""
+
+    table: Path
+    """CSV file with columns node, temperature and, if need be, month (1 to 12)."""
+    unit: TemperatureUnit
+    """Unit of the temperatures."""
+
+
+class TemperatureConfig(Model):
+    """A change of temperature of blocks (all those whose material expands, if not named).
+
+    It is the same everywhere (`change`), or that of a table less `reference`, at which the joints closed.
+    """
+
+    change: Annotated[TemperatureChange, Field(ge=-300.0, le=1500.0)] | None = None
     """Change from the temperature without stress; negative cools."""
+    faces: FaceTemperaturesConfig | None = None
+    points: PointTemperaturesConfig | None = None
+    nodes: NodeTemperaturesConfig | None = None
+    month: Annotated[Whole, Field(ge=1, le=12)] | None = None
+    """Month of a table that has several, from 1 for January."""
+    reference: (
+        Annotated[
+            Annotated[Temperature, Tag("number")] | Annotated[dict[str, Temperature], Tag("mapping")],
+            by_shape("a temperature such as 8 degC, or one for each block: {C1: 8 degC, C2: 7 degC}"),
+        ]
+        | None
+    ) = None
+    """Temperature without stress, that of the blocks when their joints were grouted; one, or one for each
+    block."""
     blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Names of `blocks`."""
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        keys = ("change", "faces", "points", "nodes")
+        if sum(getattr(self, key) is not None for key in keys) != 1:
+            raise ValueError("give exactly one of `change`, `faces`, `points` and `nodes`")
+        if self.change is not None:
+            for key in ("month", "reference"):
+                if getattr(self, key) is not None:
+                    raise ValueError(
+                        f"`{key}` belongs to a table, and `change` is a difference; leave it out"
+                    )
+        elif self.reference is None:
+            raise ValueError(
+                "`reference` is missing: the temperature at which the joints closed, such as 8 degC"
+            )
+        if isinstance(self.reference, dict):
+            if self.blocks is None:
+                raise ValueError("`reference` of each block needs `blocks`, their names")
+            if lacking := [name for name in self.blocks if name not in self.reference]:
+                raise ValueError(f"`reference` has no temperature of block {quote(lacking[0])}; give it")
+            if spare := [name for name in self.reference if name not in self.blocks]:
+                raise ValueError(
+                    f"`reference` names {quote(spare[0])}, which is none of `blocks`; take it out"
+                )
+        return self
+
+    def reference_of(self, block: str) -> float:
+        """Temperature without stress of a block [degC], of a load by a table."""
+        reference = self.reference[block] if isinstance(self.reference, dict) else self.reference
+        assert reference is not None  # of tables it is required
+        return reference
 
 
 class LoadsConfig(Model):

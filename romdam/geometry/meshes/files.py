@@ -54,11 +54,13 @@ class MeshFiles:
     Attributes
     ----------
     remarks : what in the files has not been used and what of them is odd, for the result
+    node_numbers : block -> (n,) the file's numbers of its nodes; not of refined blocks
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.remarks: list[str] = []
+        self.node_numbers: dict[str, Ints] = {}
         self._read: dict[Path, MeshFile] = {}
         self._used: dict[Path, list[Bools]] = {}
 
@@ -110,6 +112,8 @@ class MeshFiles:
             unsound_faces=file.unsound_faces,
         )
         refuse_bad_cells(block, f"{location}.file: {path}")
+        if not config.refine:
+            self.node_numbers[name] = np.asarray(file.tags)[nodes]
         for _ in range(config.refine):
             block = refine(block, f"{location}.refine")
         return block
