@@ -164,13 +164,13 @@ _FAULTS = [
     *_in(
         "fem/stress.py",
         _FEM,
-        ("-(3.0 * lam + 2.0 * mu) * strain", "-(3.0 * lam + mu) * strain"),
+        ("-(3.0 * lam + 2.0 * mu)", "-(3.0 * lam + mu)"),
         ("stress[:, :, v, :, k] += mu * g[..., l]", "stress[:, :, v, :, k] += mu * g[..., k]"),
     ),
     *_in(
         "fem/loads.py",
         _FEM,
-        ("change / (1.0 - 2.0 * material.nu)", "change / (1.0 - material.nu)"),
+        ("(change) / (1.0 - 2.0 * material.nu)", "(change) / (1.0 - material.nu)"),
     ),
     *_in(
         "fem/absorbing.py",
