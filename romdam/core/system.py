@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion, SupportMotion, ground_rows
 from romdam.core.recorded import GapQuantities
+
+if TYPE_CHECKING:
+    from romdam.core.final_state import FinalState
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
@@ -432,6 +435,7 @@ class History(GapQuantities):
     gap : (ng,) initial gaps that it began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
     warnings : what a careful reader should know and no number says, one sentence each
+    final : the last state, from which another run can begin; None where rows are of the jumps alone
     """
 
     time: Floats
@@ -447,6 +451,7 @@ class History(GapQuantities):
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     warnings: tuple[str, ...] = ()
+    final: FinalState | None = None
 
     @property
     def q(self) -> Floats | None:

@@ -18,8 +18,9 @@ at rest every law holds exactly.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,6 +216,20 @@ def resumed(system: System, start: Start) -> GapState:
         float(stored),
         history,
         memory.water.copy(),
+    )
+
+
+def ended_gaps(kept: Mapping[str, NDArray[Any]]) -> GapState:
+    """The gaps of a final state; `kept` are its arrays."""
+    return GapState(
+        jump=kept["jump"],
+        force=kept["traction"],
+        state=kept["contact"].astype(np.uint8),
+        p_c=kept["unilateral"].ravel(),
+        accumulated_slip=kept["accumulated_slip"],
+        stored=float(kept["stored"][0]),
+        history=kept["memory"],
+        water=kept["water"],
     )
 
 

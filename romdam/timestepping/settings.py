@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from romdam.core.arrays import Floats
+from romdam.core.final_state import FinalState
 from romdam.timestepping.steps import Steps
 
 
@@ -35,7 +36,8 @@ class Settings:
     steps : base step, cuts and written rows; an integrator's `steps` makes those that suit it
     tolerance : allowed relative residual of the gap-space problem of a step
     initial_state : "static" (equilibrium under the static loads) or "undeformed" (at rest)
-    start : state to go on from, instead of `initial_state`; of integrators that resume
+    start : state to go on from, instead of `initial_state`; a row of a history of integrators that resume,
+        or the state in which a run of the same system and integrator ended, of any
     shift : (nt, directions * ng) jumps added at every base step, linear in between; of those that
         resume [m]
     to_accuracy : whether an accuracy chose the steps, and not a job
@@ -47,7 +49,7 @@ class Settings:
     steps: Steps
     tolerance: float = 1e-8
     initial_state: str = "static"
-    start: Start | None = None
+    start: Start | FinalState | None = None
     shift: Floats | None = None
     to_accuracy: bool = False
     shear_share: float = 1.0

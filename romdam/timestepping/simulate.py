@@ -9,6 +9,7 @@ import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.final_state import FinalState, model_signature
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import GapLaw, History
@@ -18,6 +19,8 @@ from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.support_motion import add_support_motion
+
+_SAME = 1e-6  # of the largest value: round-off of another reduction is below 1e-9
 
 
 def simulate(
@@ -54,7 +57,11 @@ def simulate(
     for one in dict.fromkeys(each):
         assert one.integrator == integrator
         integrator.supports(one.system)
+    if isinstance(settings.start, FinalState):
+        refuse_other_start(settings.start, simulations)
     for name, honoured in (("start", "resumes"), ("shift", "shifts")):  # settings that would be ignored
+        if isinstance(getattr(settings, name), FinalState):
+            continue
         if getattr(settings, name) is not None and not getattr(integrator, honoured):
             able = ", ".join(one for one in INTEGRATORS if getattr(integrator_class(one), honoured))
             cannot = "go on from a written row" if name == "start" else "take added jumps"
@@ -71,9 +78,53 @@ def simulate(
             history = add_support_motion(history, system, simulation.ground, stride)
             stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
             ground = simulation.ground[:3, ::stride].T  # below it stands what moving supports do
-            history = replace(history, stats=stats, gap=system.law.gap, ground=ground)
+            final = history.final
+            if final is not None:
+                final = replace(final, model=model_signature(system))
+            history = replace(history, stats=stats, gap=system.law.gap, ground=ground, final=final)
         outcomes[i] = _finite(history, simulation.prepared.system.law)
     return outcomes
+
+
+def refuse_other_start(start: FinalState, simulations: Sequence[Simulation]) -> None:
+    """Refuse a state of another model or integrator, and systems that a state does not tell all of.
+
+    Raises
+    ------
+    ConfigError
+        with what differs, and where.
+    """
+    begins = "Settings.start"
+    for prepared in dict.fromkeys(simulation.prepared for simulation in simulations):
+        system, name = prepared.system, prepared.integrator.name
+        if system.needs_whole_record or system.pseudo_static is not None:
+            what = "moving supports" if system.pseudo_static is not None else "a free field"
+            raise ConfigError(
+                f"{begins}: what {what} did before is not in the state of a run, so no run begins from it; "
+                "run the records one after another with records[].after"
+            )
+        if name != start.integrator:
+            raise ConfigError(
+                f"{begins}: the state is of the integrator {start.integrator}, and this run has {name}; "
+                f"set transient.integrator: {start.integrator}"
+            )
+        for quantity, now in model_signature(system).items():
+            then = start.model.get(quantity, np.zeros(0))
+            size = max(float(np.abs(now).max(initial=0.0)), float(np.abs(then).max(initial=0.0)))
+            if then.shape != now.shape:
+                raise ConfigError(
+                    f"{begins}: the {quantity} of the state's model has {then.shape} values, and of this one "
+                    f"{now.shape}; a state goes on in the model that it is of: same mesh, joints and modes"
+                )
+            off = np.abs(now - then) > _SAME * size
+            if off.any():
+                i = tuple(int(k) for k in np.argwhere(off)[0])
+                at = system.law.gap_name(i[0]) if len(now) == len(system.law) else f"unknown {i[0]}"
+                raise ConfigError(
+                    f"{begins}: the {quantity} at {at} is {now[i]:.6g}, and was {then[i]:.6g} in the run of "
+                    "the state; a state goes on in the model that it is of: same mesh, joints, loads, "
+                    "damping and modes"
+                )
 
 
 def simulate_one(

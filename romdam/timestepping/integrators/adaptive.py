@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
+from romdam.core.final_state import FinalState
 from romdam.core.system import History
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.integrator import ModalIntegrator
 from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
-from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, merged_start
+from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, merged_final, merged_start
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, cut_steps
@@ -76,7 +77,10 @@ class Adaptive(ModalIntegrator):
             return smaller, settings
         first = smaller[0].prepared
         alike = first.symmetry is not None and all(one.prepared is first for one in smaller)
-        start = merged_start(settings.start, first) if alike else None
+        if not alike:
+            return simulations, settings
+        kept = settings.start
+        start = merged_final(kept, first) if isinstance(kept, FinalState) else merged_start(kept, first)
         return (simulations, settings) if start is None else (smaller, replace(settings, start=start))
 
     def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:

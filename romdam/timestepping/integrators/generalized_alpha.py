@@ -30,6 +30,7 @@ from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Record, put, record, rows_like
 from romdam.core.errors import ConvergenceError
+from romdam.core.final_state import FinalState
 from romdam.core.motion import Motion
 from romdam.core.recorded import GAP_QUANTITIES, GapArrays, gap_fields, new_gap_arrays
 from romdam.core.system import Complex, Coordinates, History, Rates, System
@@ -38,6 +39,7 @@ from romdam.linalg.factor import Factor
 from romdam.timestepping.energy import ENERGIES, ledger
 from romdam.timestepping.equilibrium import (
     GapState,
+    ended_gaps,
     initial_state,
     system_gap_problem,
     take_over,
@@ -354,12 +356,21 @@ class GeneralizedAlpha:
             ("stepper", dt), lambda: _Stepper.factored(system, scheme(self.rho_inf), dt, self.midpoint)
         )
         memory = gap_memory(stepper.problem)
-        q, gaps = initial_state(prepared, settings)
+        kept = None
+        if isinstance(settings.start, FinalState):
+            kept = settings.start.arrays
+            q, gaps = kept["q"], ended_gaps(kept)
+        else:
+            q, gaps = initial_state(prepared, settings)
         take_over(memory, gaps)
         histories = system.histories(ground, dt, self.rates(dt))
         motion, lead, added = system.followed(histories.rows), histories.lead, settings.shift
         supports = histories.rows.get(Motion.SUPPORTS_DISPLACEMENT, np.zeros((0, motion.shape[1])))
         state = _State(system, q, gaps, motion.T[0])
+        if kept is not None:
+            state.v, state.a = kept["v"].copy(), kept["a"].copy()
+            state.inertia = system.M @ state.a
+            memory.spring[:], memory.last_step[:] = kept["spring"].ravel(), kept["last_step"]
         # an unloaded step, so that a first start compiles here and not in the timed loop
         n, N, unloaded = len(system.law), len(stepper.problem.W), gap_memory(stepper.problem)
         y = np.zeros(N)
@@ -399,4 +410,26 @@ class GeneralizedAlpha:
             "setup_cpu_seconds": setup,
             "loop_cpu_seconds": cpu_time() - loop,
         }
-        return replace(rows.history(stats), warnings=histories.warnings)
+        final = _final_state(state, memory, self.name)
+        return replace(rows.history(stats), warnings=histories.warnings, final=final)
+
+
+def _final_state(state: _State, memory: GapMemory, integrator: str) -> FinalState:
+    """The state at the end of a run."""
+    gaps, shape = state.gaps, state.gaps.jump.shape
+    kept = {
+        "q": state.u,
+        "v": state.v,
+        "a": state.a,
+        "jump": gaps.jump,
+        "traction": gaps.traction,
+        "unilateral": memory.force.reshape(shape),
+        "spring": memory.spring.reshape(shape),
+        "accumulated_slip": memory.accumulated_slip,
+        "contact": gaps.state,
+        "memory": memory.history,
+        "last_step": memory.last_step,
+        "water": memory.water,
+        "stored": np.array([state.energies.stored]),
+    }
+    return FinalState({name: np.array(values) for name, values in kept.items()}, integrator, {})

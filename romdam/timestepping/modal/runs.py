@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from romdam.contact.components import NORMAL
+from romdam.contact.problem import GapMemory
 from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import condensed_contacts, iterations, solver_state
 from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, at, put, rows_like, stacked
 from romdam.core.errors import ConvergenceError
+from romdam.core.final_state import FinalState
 from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES
-from romdam.timestepping.equilibrium import GapState, initial_state, resumed, take_over
+from romdam.timestepping.equilibrium import GapState, ended_gaps, initial_state, resumed, take_over
 from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
     BASE,
@@ -53,11 +55,12 @@ _STEPS = 400  # of every run between two reports of progress
 
 
 class Initial(NamedTuple):
-    """Displacement and velocity of the modes, and the gaps, to start from."""
+    """Displacement and velocity of the modes, and the gaps, to start from; and the state that they are of."""
 
     q: Floats
     v: Floats
     gaps: GapState
+    final: FinalState | None = None
 
 
 def integrate_batch(
@@ -78,6 +81,10 @@ def integrate_batch(
     initial: dict[Prepared, Initial] = {}
     failed: dict[Prepared, ConvergenceError] = {}
     for prepared in dict.fromkeys(simulation.prepared for simulation in batch):
+        if isinstance(settings.start, FinalState):
+            kept = settings.start.arrays
+            initial[prepared] = Initial(kept["q"], kept["v"], ended_gaps(kept), settings.start)
+            continue
         if settings.start is not None:
             start, gaps = settings.start, resumed(prepared.system, settings.start)
             initial[prepared] = Initial(start.q, start.v, gaps)
@@ -101,7 +108,7 @@ def integrate_batch(
     while active:
         active = integrate(*arrays, settings.tolerance, _STEPS)
         progress(int(np.where(runs.failed, runs.last, runs.clock["base_steps"]).sum()), total)
-    outcomes = iter(_outcomes(started, split, arrays, settings, setup, cpu_time() - loop))
+    outcomes = iter(_outcomes(started, split, arrays, settings, setup, cpu_time() - loop, starts))
     return [failed[one.prepared] if one.prepared in failed else next(outcomes) for one in batch]
 
 
@@ -136,7 +143,13 @@ def _arrays(
     N, n = levels.problem.W.shape[-1], levels.problem.gap.shape[-1]
     samples = np.array([ground.shape[1] for _, ground in batch])
     rows_of_runs = (samples - 1) // stride + 1
-    velocity = np.array([_peak_velocity(simulation, steps.base) for simulation in batch])
+    velocity = np.array(
+        [
+            _ground_velocity(simulation, steps.base, start.final)[-1]
+            for simulation, start in zip(batch, starts, strict=True)
+        ]
+    )
+    velocity = np.where(velocity > 0.0, velocity, math.inf)
     supports: list[Floats] = []
     for one, ground in batch:
         pseudo_static = one.system.pseudo_static
@@ -159,6 +172,8 @@ def _arrays(
     states = _states(model, split, starts, runs)
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
+        if start.final is not None:
+            _go_on(at(memory, run), runs, run, start.final, levels)
     rows = rows_like(at(states.recorded, 0), int(rows_of_runs.sum()))
     put(rows, runs.rows, states.recorded)
     added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
@@ -185,17 +200,71 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
     return force
 
 
-def _peak_velocity(simulation: Simulation, step: float) -> float:
-    """Peak velocity of the ground, infinite without any [m/s].
+def _go_on(memory: GapMemory, runs: Batch, run: int, final: FinalState, levels: StepHierarchy) -> None:
+    """Give a run what the last step of another left behind in springs, laws and the choice of steps."""
+    kept, clock = final.arrays, runs.clock[run]
+    memory.spring[:] = kept["spring"].ravel()
+    memory.last_step[:] = kept["last_step"]
+    level, evolving, last_step, finest = kept["clock"]
+    clock.last_step = last_step
+    if finest == float(levels.step.dt.min()) and level < len(levels.size):
+        clock.level, clock.evolving = int(level), int(evolving)
+
+
+def _final_state(
+    prepared: Prepared,
+    ground: Floats,
+    split: ModeSplit,
+    arrays: Arrays,
+    run: int,
+    start: Initial,
+    base: float,
+) -> FinalState:
+    """The state at the end of a run."""
+    states, runs = at(arrays.states, run), arrays.runs
+    recorded, memory = states.recorded, at(runs.memory, run)
+    gaps, clock, (n, d) = recorded.gaps, runs.clock[run], recorded.gaps.jump.shape
+    q, v = np.zeros((2, prepared.system.size))
+    q[split.dynamic], v[split.dynamic] = recorded.q, recorded.v
+    kept = {
+        "q": q,
+        "v": v,
+        "jump": gaps.jump,
+        "traction": gaps.traction,
+        "unilateral": memory.force.reshape(n, d),
+        "relaxed": recorded.s.reshape(-1, d),
+        "mean": states.mean.reshape(n, d),
+        "spring": memory.spring.reshape(n, d),
+        "accumulated_slip": memory.accumulated_slip,
+        "slip_rate": states.slip_rate,
+        "contact": gaps.state,
+        "closed": states.closed,
+        "memory": memory.history,
+        "last_step": memory.last_step,
+        "water": memory.water,
+        "stored": np.array([recorded.energies.stored]),
+        "clock": np.array(
+            [clock.level, clock.evolving, clock.last_step, float(arrays.levels.step.dt.min())], dtype=float
+        ),
+        "ground_velocity": _ground_velocity(Simulation(prepared, ground), base, start.final),
+    }
+    copies = {name: np.array(values) for name, values in kept.items()}
+    return FinalState(copies, prepared.integrator.name, {})
+
+
+def _ground_velocity(simulation: Simulation, step: float, before: FinalState | None = None) -> Floats:
+    """Velocity of the ground at the end, and its largest size, (k + 1,), from a state before on [m/s].
 
     Gap velocities are measured by it: the change of a joint force over a step may stand for a share of it.
     Impacts happen at about the peak ground velocity. On the two-cantilever model anything below 1 % of it no
     longer changes the error, with a tenth of the joints' stiffness 0.3 %; without that limit it stays above
     1 % at any step.
     """
-    velocity = np.cumsum(simulation.prepared.system.inertial(simulation.ground), axis=1) * step
-    peak = float(np.linalg.norm(velocity, axis=0).max(initial=0.0))
-    return peak if peak > 0.0 else math.inf
+    acc = simulation.prepared.system.inertial(simulation.ground)
+    first = np.zeros(len(acc) + 1) if before is None else before.arrays["ground_velocity"]
+    velocity = first[:-1, None] + np.cumsum(acc, axis=1) * step
+    peak = float(np.linalg.norm(velocity, axis=0).max(initial=first[-1]))
+    return np.array([*velocity[:, -1], peak])
 
 
 def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
@@ -207,10 +276,17 @@ def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs
     energies = np.zeros(len(starts), ENERGIES)
     energies["stored"] = [start.gaps.stored for start in starts]
     _, n, d = gaps.jump.shape
+    slip_rate = np.zeros((len(starts), n if d > 1 else 0, 2))
+    s, mean, closed = p.copy() if relaxed else p[:, :0].copy(), p.copy(), gaps.state > 0
+    for run, start in enumerate(starts):
+        if start.final is not None:
+            kept = start.final.arrays
+            slip_rate[run], mean[run], closed[run] = kept["slip_rate"], kept["mean"].ravel(), kept["closed"]
+            s[run] = kept["relaxed"].ravel()
     recorded = Recorded(
         q=q,
         v=np.stack([start.v[split.dynamic] for start in starts]),
-        s=p.copy() if relaxed else p[:, :0].copy(),
+        s=s,
         gaps=gaps,
         memory=runs.memory.history,
         energies=energies,
@@ -218,11 +294,11 @@ def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs
     return ModalState(
         recorded=recorded,
         f=_external_force(model, runs.acc[:, runs.samples]),
-        u_r=p @ model.R if relaxed else p[:, :0].copy(),
-        mean=p.copy(),
+        u_r=s @ model.R if relaxed else p[:, :0].copy(),
+        mean=mean,
         w=q @ split.G.T,
-        closed=gaps.state > 0,
-        slip_rate=np.zeros((len(starts), n if d > 1 else 0, 2)),
+        closed=closed,
+        slip_rate=slip_rate,
         tries=np.zeros(len(starts), TRIES),
         peaks=np.stack([first_peaks(start.gaps.jump, start.gaps.force) for start in starts]),
     )
@@ -235,6 +311,7 @@ def _outcomes(
     settings: Settings,
     setup: float,
     loop: float,
+    starts: Sequence[Initial],
 ) -> list[Outcome]:
     """The history of every run, or why there is none.
 
@@ -293,5 +370,10 @@ def _outcomes(
         strength, bonded = shear_strength(
             system.law.mu, laws, written.memory[: len(force)], history.jump[..., NORMAL], force
         )
-        outcomes.append(replace(history, peaks=peaks, stats=stats, strength=strength, bonded=bonded))
+        final = None
+        if not settings.only_jumps:
+            base = settings.steps.base
+            final = _final_state(prepared, ground, split, arrays, run, starts[run], base)
+        history = replace(history, peaks=peaks, stats=stats, final=final)
+        outcomes.append(replace(history, strength=strength, bonded=bonded))
     return outcomes

@@ -34,6 +34,7 @@ from scipy.sparse import csr_matrix, diags_array, eye_array
 
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats, Ints
+from romdam.core.final_state import STATE_QUANTITIES, FinalState
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity
 from romdam.core.system import Coordinates, GapLaw, History, System
 from romdam.timestepping.prepared import Prepared
@@ -188,7 +189,57 @@ def expand(history: History, symmetry: Symmetry) -> History:
         for name, values in history.peaks.items()
     }
     modes = None if merged is None else Coordinates(partial(_expanded, symmetry.modes, merged))
-    return replace(history, **recorded, peaks=peaks, coordinates=modes)
+    final = history.final
+    if final is not None:
+        whole = {name: _expanded_state(name, values, symmetry) for name, values in final.arrays.items()}
+        final = replace(final, arrays=whole)
+    return replace(history, **recorded, peaks=peaks, coordinates=modes, final=final)
+
+
+def _expanded_state(name: str, values: NDArray[Any], symmetry: Symmetry) -> NDArray[Any]:
+    """An array of the final state, of all gaps or modes from those of the merged ones."""
+    how, gaps = STATE_QUANTITIES[name], symmetry.gaps
+    if how == "modes":
+        return np.asarray(symmetry.modes @ values)
+    if how is None or values.size == 0:
+        return values
+    values, signs = values[gaps], symmetry.signs
+    if how in ("jump", "force"):
+        values = values * (signs if values.shape[1] == signs.shape[1] else signs[:, 1:])
+    return values / symmetry.count[gaps, None] if how == "force" else values
+
+
+def _merged_state(name: str, values: NDArray[Any], symmetry: Symmetry) -> NDArray[Any]:
+    """The reverse of `_expanded_state`: mean jumps and whole forces of the groups."""
+    how, gaps = STATE_QUANTITIES[name], symmetry.gaps
+    if how == "modes":
+        return np.asarray(symmetry.modes.T @ values)
+    if how is None or values.size == 0:
+        return values
+    if how == "equal":
+        return values[np.unique(gaps, return_index=True)[1]]
+    signs = symmetry.signs if values.shape[1] == symmetry.signs.shape[1] else symmetry.signs[:, 1:]
+    total = np.zeros((len(symmetry.count), values.shape[1]))
+    np.add.at(total, gaps, signs * values)
+    return total if how == "force" else total / symmetry.count[:, None]
+
+
+def merged_final(final: FinalState, prepared: Prepared) -> FinalState | None:
+    """Give a final state as the system with merged contacts has it; None where it mirrors nothing.
+
+    Parameters
+    ----------
+    prepared : with merged contacts
+    """
+    symmetry, merged = prepared.symmetry, dict[str, NDArray[Any]]()
+    assert symmetry is not None
+    for name, values in final.arrays.items():
+        merged[name] = _merged_state(name, values, symmetry)
+        if name in ("q", "v", "jump", "traction", "accumulated_slip", "spring", "contact", "closed"):
+            again = _expanded_state(name, merged[name], symmetry).astype(float)
+            if np.linalg.norm(values - again) > _MIRRORED * np.linalg.norm(values.astype(float)):
+                return None
+    return replace(final, arrays=merged)
 
 
 def _expanded_quantity(values: NDArray[Any], of: Quantity, symmetry: Symmetry, axis: int) -> NDArray[Any]:

@@ -1,0 +1,91 @@
+"""The state in which a run ends: all that integrators go on from, and what tells its model from others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from romdam.core.recorded import Expansion
+from romdam.core.system import GapLaw, System
+
+# how the value of a gap follows from that of the merged gap that stands for it; "modes": of the unknowns;
+# None: of the run, or of gaps that are never merged
+STATE_QUANTITIES: dict[str, Expansion | str | None] = {
+    "q": "modes",  # unknowns that are integrated, zero where they follow [m]
+    "v": "modes",
+    "a": "modes",  # of generalised-alpha [m/s2]
+    "jump": "jump",  # (ng, d) that joint forces see [m]
+    "traction": "force",  # (ng, d) [N]
+    "unilateral": "force",  # (ng, d) the solver's force p_c [N]
+    "relaxed": "force",  # (ng, d) force on modes that follow; empty without [N]
+    "mean": "force",  # (ng, d) that acted over the last step [N]
+    "spring": "jump",  # (ng, d) deformation [m]
+    "accumulated_slip": "jump",  # (ng, 2) [m]
+    "slip_rate": "jump",  # (ng, 2) mean over the last step [m/s]
+    "contact": "equal",  # (ng,) open, stick or slip
+    "closed": "equal",  # (ng,)
+    "memory": None,  # (L, ng, s) of the further laws
+    "last_step": None,  # (ng, 8) as the further laws read it
+    "water": None,  # (ng,) in open gaps [N]
+    "stored": None,  # (1,) energy in the gaps [J]
+    "clock": None,  # (4,) level of the next step, whether laws evolve, last step, finest step [s]
+    "ground_velocity": None,  # (k + 1,) integral of the ground acceleration, and its largest size [m/s]
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FinalState:
+    """The last state of a run.
+
+    Attributes
+    ----------
+    arrays : by the names of `STATE_QUANTITIES`, those that the integrator has
+    model : of the system, see `model_signature`
+    integrator : its name
+    """
+
+    arrays: Mapping[str, NDArray[Any]]
+    integrator: str
+    model: Mapping[str, NDArray[Any]]
+
+
+def model_signature(system: System) -> dict[str, NDArray[Any]]:
+    """Arrays by which the model of a state is told from another, signs of its modes included.
+
+    "participation" is B^T r with r the same numbers for all models of as many gaps, besides the load.
+    """
+    numbers = np.random.default_rng(46).uniform(0.5, 1.5, system.B.shape[0])
+    load = np.asarray(system.load @ np.linspace(1.0, 2.0, system.load.shape[1]))
+    return {
+        "stiffness": system.K.diagonal(),
+        "damping": system.C.diagonal(),
+        "participation": np.asarray(system.B.T @ numbers),
+        "load": load,
+        "force": np.asarray(system.force),
+        **law_arrays(system.law),
+    }
+
+
+def law_arrays(law: GapLaw) -> dict[str, NDArray[Any]]:
+    """Parameters of the gaps by name, (ng, ...); finite numbers, rigid stiffnesses are -1."""
+
+    def finite(values: NDArray[Any]) -> NDArray[Any]:
+        return np.where(np.isinf(values), -1.0, values)
+
+    parameters = {
+        "normal_stiffness": finite(law.K_n),
+        "tension_stiffness": finite(law.K_nz),
+        "shear_stiffness": finite(law.K_s),
+        "friction": finite(law.mu),
+        "gap": law.gap,
+        "viscosity": law.viscosity,
+    }
+    for number, rows in enumerate(law.laws):
+        parameters[f"law {number + 1}, {rows.law.name}"] = np.where(
+            rows.on[:, None], finite(rows.values), -1.0
+        )
+    return parameters
