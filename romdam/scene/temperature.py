@@ -27,7 +27,7 @@ from romdam.config.sections.loads import (
     TemperatureConfig,
 )
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConfigError, listed
+from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.nearest import nearest
@@ -133,15 +133,15 @@ def _months(
     there = sorted({int(number) for number in numbers})
     if month is None:
         raise ConfigError(
-            f"{location}: {path} has months ({listed([str(k) for k in there])}), and the load names none; "
+            f"{location}: {path} has months ({_numbers(there)}), and the load names none; "
             "give `month`, 1 to 12"
         )
     wanted = range(1, 13) if every else (month,)
     if missing := [k for k in wanted if k not in there]:
         needed = "; conduction of heat needs all twelve" if every else ""
         raise ConfigError(
-            f"{location}: {path} has no rows of month {listed([str(k) for k in missing])}, only of "
-            f"{listed([str(k) for k in there])}{needed}; add them"
+            f"{location}: {path} has no rows of month {_numbers(missing)}, only of "
+            f"{_numbers(there)}{needed}; add them"
         )
     return [
         _Rows({key: values[numbers == k] for key, values in columns.items()}, f" of month {k}")
@@ -337,3 +337,7 @@ def _of_nodes(
 
 def _at(point: Floats) -> str:
     return f"({', '.join(f'{x:.6g}' for x in point)}) m"
+
+
+def _numbers(months: Sequence[int]) -> str:
+    return ", ".join(map(str, months))

@@ -314,7 +314,7 @@ POINTS = {"points": {"table": "t.csv", "unit": "degC"}, "reference": "8 degC"}
         ("elevation,upstream,downstream\n0,1,2\n20,-300,2\n", faces(), "line 3: -300 degC is below absolute"),
         ("elevation,upstream\n0,1\n", faces(), "lacks column downstream"),
         (ACROSS, faces() | {"month": 3}, "no column month, and month: 3 is asked for"),
-        (MONTHS, faces(), r"has months.*give `month`"),
+        (MONTHS, faces(), r"has months \(1, 2, 3, .*give `month`"),
         (MONTHS, faces() | {"month": 12}, "no rows of month 12, only of"),
         (MONTHS, faces(through="harmonic", diffusivity=1e-6) | {"month": 3}, "of month 12.*needs all twelve"),
         (MONTHS.replace("\n3,", "\n3.5,"), faces() | {"month": 3}, "line 6: month is 3.5"),
