@@ -29,7 +29,8 @@ class Integrator(Protocol):
     resumes : whether it honours `start`, without which estimates begin where the record does: from a row that
         a run has written it gives the run's own rows, to round-off, where nothing that it takes from the
         whole record differs. `simulate` refuses what an integrator does not honour. `only_jumps` is leave to
-        write less, which any integrator may pass over
+        write less, which any integrator may pass over. A `start` that is a `FinalState` goes only to the
+        integrator that has made it, as `History.final`, and gives the run of both parts, to round-off
     """
 
     name: ClassVar[str]
