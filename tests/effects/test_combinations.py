@@ -50,7 +50,22 @@ KEYS = {
         "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
     },
     "staged weight": {"loads": {"weight": "staged"}},
-    "temperature": {"loads": {"temperature": [{"change": -3.0, "blocks": ["left", "right"]}]}},
+    "temperature": {
+        "loads": {
+            "temperature": [
+                {
+                    "faces": {
+                        "table": str(Path(__file__).parent / "temperature_of_faces.csv"),
+                        "unit": "degC",
+                        "upstream": "ymin",
+                        "downstream": "ymax",
+                    },
+                    "reference": "12 degC",
+                    "blocks": ["left", "right"],
+                }
+            ]
+        }
+    },
     "water in joints": {"loads": {"joint_water": [{"joints": ["joint"], "level": 6.0}]}},
     "grouting": {"joints": {"grouting_pressure": 2e5}},
     "modal damping": {"damping": {"modal": 0.04}},
