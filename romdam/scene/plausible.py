@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from romdam.core.errors import listed
 from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.geometry.facets import boundary_facets, facet_areas
 from romdam.geometry.meshes.kinds import frame
@@ -24,6 +25,7 @@ _SLENDER = 100.0  # ratio of edges from which on an element is told of
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.99  # share of a face from which on a joint covers it
 _BRIDGED = 1e-3  # [m] between tied faces, from which on it is told
+_BENDS = 1.0  # [K] range of the temperature within a block of linear elements, from which on it is told
 _EDGE = 1e-3  # share of a facet below which blocks only meet at an edge
 
 
@@ -62,6 +64,17 @@ def odd_remarks(
         if tie.apart > _BRIDGED
     ]
     remarks += _unjoined(scene)
+    rigid = [
+        name
+        for name, change in scene.warmed.items()
+        if np.ptp(change) > _BENDS and not frame(scene.blocks[name].element).quadratic
+    ]
+    if rigid:
+        remarks.append(
+            f"loads.temperature: {listed(rigid)} of linear elements, which resist the bending by a "
+            "temperature that differs within a block: a pillar bends by 0.92 to 1.1 of what it should where "
+            "they are half as long as it is thick, by 0.3 where 2.5 times as long; take quadratic elements"
+        )
     if scene.gravity.any() and not scene.staged_weight:
         remarks += [
             f"blocks.{name}: gravity lets the rock sink onto the springs of its viscous faces, the dam with "

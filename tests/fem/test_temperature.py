@@ -102,6 +102,23 @@ def test_a_free_pillar_bends_without_stress(tmp_path):
     assert np.abs(stress).max() < 1e-6 * E * ALPHA * 10.0
 
 
+def test_linear_elements_that_resist_bending_are_told_of(tmp_path):
+    """They are: the tip moves by a third of what it should where elements are long."""
+    box = {"origin": [0, 0, 0], "size": [1, THICK, HEIGHT], "element_size": [1.0, 1.0, 5.0]}
+    blocks = {"a": {"material": "c", "box": box | {"element": "hex8"}}}
+    scene = build(tmp_path, ACROSS, faces() | {"reference": "8 degC"}, blocks=blocks)
+    assert "loads.temperature: a of linear elements, which resist the bending" in " ".join(scene.remarks)
+    points = scene.blocks["a"].points
+    u, _ = at_rest(scene, three_points(points))
+    tip = u[node_at(points, [0, 0, HEIGHT]), 1]
+    assert tip == pytest.approx(-0.3 * ALPHA * 10.0 / THICK * HEIGHT**2 / 2, rel=0.02)
+    for told, table in (
+        (build(tmp_path, ACROSS, faces() | {"reference": "8 degC"}), "quadratic"),
+        (build(tmp_path, None, {"change": 5.0}, blocks=blocks), "uniform"),
+    ):
+        assert "resist the bending" not in " ".join(told.remarks), table
+
+
 def test_a_column_between_two_foundations(tmp_path):
     """sigma = -E alpha dT of the mean, +-E alpha dT / 2 of the gradient, N and M of the section."""
     section = {"sections": {"mid": {"blocks": ["a"], "point": [0, 0, 10.0], "normal": [0, 0, 1]}}}
