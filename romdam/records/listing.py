@@ -178,7 +178,11 @@ def _entries(
 
 
 def _load(entry: RecordConfig, folder: Path) -> Iterator[Listed]:
-    """The records of an entry, each with its motion before it was matched, or corrected where none is."""
+    """The records of an entry, each with its motion before it was matched, or corrected where none is.
+
+    Those that follow others in a sequence are listed by themselves.
+    """
+    entry = entry.model_copy(update={"after": None, "rest": None})
     before: dict[str, GroundMotion | None] = {}
     if entry.correction or entry.match:
         undone: dict[str, object] = {"keep": {}, "target": None, "select": None, "match": None}

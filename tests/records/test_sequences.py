@@ -1,13 +1,18 @@
 """Records one after another: what is joined, what is refused, and a block that slides in both of them."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from rigid_block import rigid_slip
 
 import romdam
 from romdam.core.errors import ConfigError, RecordError
+from romdam.core.motion import GroundMotion
+from romdam.records.listing import list_records
+from romdam.records.processing.sequence import in_sequence
 
 G, MU = 9.81, 0.3
 DT = 0.01
@@ -96,6 +101,23 @@ def test_a_third_record_follows_the_whole_sequence(tmp_path):
     assert last.duration == pytest.approx(7.5)
     np.testing.assert_allclose(last.acc[1, : len(WHOLE)], WHOLE, atol=1e-12)
     np.testing.assert_allclose(last.acc[1, -301::2], MAIN, atol=1e-12)
+
+
+def test_warnings_name_the_record_that_they_are_of():
+    one, two = (
+        GroundMotion(name, np.zeros((3, 20)), DT, {}, (f"of {name}", "of any")) for name in ("one", "two")
+    )
+    both = in_sequence(one, 1.0, two)
+    assert both.warnings == ("one: of one", "one: of any", "of two", "of any")
+    three = in_sequence(both, 1.0, replace(one, name="three", warnings=()))
+    assert three.warnings == ("two: one: of one", "two: one: of any", "two: of two", "two: of any")
+
+
+def test_records_of_a_sequence_are_listed_by_themselves(tmp_path):
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(job(tmp_path)))
+    listed = list_records([str(tmp_path / "job.yaml")])
+    assert [(one.name, one.error) for one in listed] == [("main", ""), ("after", "")]
+    assert listed[1].motion.duration == pytest.approx(1.5)
 
 
 def test_each_factor_is_of_its_own_record(tmp_path):

@@ -53,7 +53,7 @@ def in_sequence(first: GroundMotion, rest: float, second: GroundMotion) -> Groun
     acc = np.hstack([before, np.zeros((len(before), steps - 1)), after])
     start = (before.shape[1] - 1 + steps) * dt
     members = [*members_of(first), {"record": second.name, "start": start, "provenance": second.provenance}]
-    warnings = tuple(dict.fromkeys((*first.warnings, *second.warnings)))
+    warnings = (*(f"{first.name}: {sentence}" for sentence in first.warnings), *second.warnings)
     provenance = second.provenance | {SEQUENCE: members}
     return replace(second, acc=acc, dt=dt, provenance=provenance, warnings=warnings)
 

@@ -264,7 +264,8 @@ def _ground_velocity(simulation: Simulation, step: float, before: FinalState | N
     first = np.zeros(len(acc) + 1) if before is None else before.arrays["ground_velocity"]
     velocity = first[:-1, None] + np.cumsum(acc, axis=1) * step
     peak = float(np.linalg.norm(velocity, axis=0).max(initial=first[-1]))
-    return np.array([*velocity[:, -1], peak])
+    end = first[:-1] + acc.sum(axis=1) * step
+    return np.array([*end, peak])
 
 
 def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
