@@ -33,7 +33,7 @@ from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.nearest import nearest
 from romdam.scene.csv_table import read_columns
 from romdam.scene.select import select_facets
-from romdam.scene.thickness import Surface, place_between
+from romdam.scene.thickness import Surface, share_of_thickness
 
 YEAR = 365.25 * 86400.0  # s
 _ROUND_OFF = 1e-6  # of the range of a table's elevations, by which a node may lie beyond it
@@ -192,7 +192,9 @@ def _of_faces(
     temperature = {}
     for name in names:
         points = blocks[name].points
-        share, thickness = place_between(name, points, surfaces["upstream"], surfaces["downstream"], location)
+        share, thickness = share_of_thickness(
+            name, points, surfaces["upstream"], surfaces["downstream"], location
+        )
         upstream, downstream = (
             np.stack([_at_elevations(rows, side, points, name, path, location) for rows in months])
             for side in sides

@@ -44,7 +44,7 @@ class Surface:
         return cls(corners, {name: (float(z.min()), float(z.max())) for name, z in heights.items()})
 
 
-def place_between(
+def share_of_thickness(
     block: str, points: Floats, upstream: Surface, downstream: Surface, location: str
 ) -> tuple[Floats, Floats]:
     """Distance of a block's nodes from the upstream face as a share of the thickness, and the thickness [m].

@@ -69,12 +69,11 @@ def parts_and_whole(ready, first, second, start=None):
     return one, again, whole
 
 
-def assert_goes_on(one, again, whole, within=1e-9, forces=None):
+def assert_goes_on(one, again, whole, within=1e-9):
     rows = slice(len(one.time) - 1, None)
     for name in ("jump", "traction", "disp", "vel"):
         now, then = getattr(again, name), getattr(whole, name)
-        limit = forces if forces and name == "traction" else within
-        assert np.abs(now - then[rows]).max() <= limit * np.abs(then).max() > 0.0, name
+        assert np.abs(now - then[rows]).max() <= within * np.abs(then).max() > 0.0, name
     assert (again.state == whole.state[rows]).all()
     assert again.stats["ledger_imbalance"] <= 1e-9
 
@@ -89,11 +88,12 @@ def test_a_run_goes_on_where_another_ended(joint, integrator):
     ready = prepared(JOINTS[joint], integrator, **loads)
     # without shear it opens where it is lifted by more than g
     first, second = (9.0, -6.0) if JOINTS[joint] else (14.0, -12.0)
+    if joint == "water in cracks":  # shaken harder it rocks, which makes more of the solver's tolerance
+        second = -4.0
     axes = (1,) if JOINTS[joint] else (2,)
     one, again, whole = parts_and_whole(ready, pulses(first, 2, 1.2, axes), pulses(second, 2, 1.2, axes))
     assert (one.state == OPEN).any() or (one.state == SLIP).any()
-    # water that follows the opening comes to rest at 1e-11 of the force in each step; jumps stay at 1e-11
-    assert_goes_on(one, again, whole, forces=1e-8 if joint == "water in cracks" else None)
+    assert_goes_on(one, again, whole)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -109,9 +109,8 @@ def test_merged_contacts_go_on_merged_and_along_another_axis():
     assert any(kept is not None for kept in ready.merged.values())
     assert again.stats["integrated_gaps"] < len(ready.system.law)
     assert_goes_on(one, again, whole)
-    # the whole is integrated gap by gap from the beginning, and rocking makes more of the solver's tolerance
-    both = parts_and_whole(ready, pulses(9.0, 2, 1.2), pulses(-6.0, 2, 1.2, (0, 1)))
-    assert_goes_on(*both, within=1e-6, forces=1e-5)
+    # the whole is integrated gap by gap from the beginning; shaken harder it rocks, on either of two corners
+    assert_goes_on(*parts_and_whole(ready, pulses(9.0, 2, 1.2), pulses(-4.0, 2, 1.2, (0, 1))), within=1e-8)
 
 
 def test_full_order_goes_on():
