@@ -289,9 +289,10 @@ def test_points_and_us_units_give_the_same(tmp_path):
     scene = build(tmp_path, "x,y,z,temperature\n" + rows, load)
     y = scene.blocks["a"].points[:, 1]
     np.testing.assert_allclose(scene.warmed["a"], -2 + 5 * y, atol=1e-8)
-    table = "elevation,upstream,downstream\n0,42.8,60.8\n65.617,42.8,60.8\n"
-    load = faces(unit="degF", length="ft") | {"reference": "281.15 K"}
-    np.testing.assert_allclose(build(tmp_path, table, load).warmed["a"], -2 + 5 * y, atol=1e-8)
+    table = f"elevation,upstream,downstream\n0,42.8,60.8\n{20 / ft!r},78.8,60.8\n"  # upstream 6 to 26 degC
+    scene = build(tmp_path, table, faces(unit="degF", length="ft") | {"reference": "281.15 K"})
+    z = scene.blocks["a"].points[:, 2]
+    np.testing.assert_allclose(scene.warmed["a"], -2 + 5 * y + (1 - y / 2) * z, atol=1e-8)
 
 
 def test_horizontal_distances_of_a_slope(tmp_path):
