@@ -43,6 +43,7 @@ from romdam.pipelines.automatic_modes import choose_modes, with_modes
 from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
 from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
+from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -279,6 +280,7 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
         refuse_unmeasured(job, read)
     refuse_lengths(job, motions)
     refuse_drifting(job, motions)
+    refuse_fast_oscillators(job, motions)
     return motions
 
 
@@ -499,9 +501,13 @@ def run_motion(
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
     model, files = shared()
     history, estimate = _estimated(job, model, motion, history, clock)
+    floors = None
+    if history.every_step is not None:
+        with clock.stage("floor_spectra", "floor spectra and their error"):
+            history, floors = floors_of(job, model, motion, history)
     with clock.stage("stress", "summing up the stress"):
         history, stress = stress_of(model.scene, model.stress, history)
-    case, mesh_error = Case(model.scene, motion, history, stress), None
+    case, mesh_error = Case(model.scene, motion, history, stress, floors), None
     if of_mesh is not None:
         with clock.stage("mesh", "stating the error of the mesh") as progress:
             mesh_error = of_mesh.state(model, case, progress)

@@ -158,8 +158,9 @@ def refuse_large(
     need = steps = rows = 0.0
     for prepared, motion, settings in cases:
         count = (motion.duration if duration is None else duration) / settings.steps.base
-        need += run_bytes(prepared.system, count, count / settings.steps.stride)
-        steps, rows = steps + count, rows + count / settings.steps.stride
+        stride = 1 if settings.every_step else settings.steps.stride
+        need += run_bytes(prepared.system, count, count / stride)
+        steps, rows = steps + count, rows + count / stride
     names = ", ".join(motion.name for _, motion, _ in cases[:3])
     refuse_bytes(need, steps, rows, f"{job.path}: {names}")
 
@@ -186,6 +187,7 @@ def settings_for(
         steps=steps,
         tolerance=transient.tolerance,
         initial_state=job.config.loads.initial_state,
+        every_step=job.config.outputs.floor_spectra is not None,
     )
 
 

@@ -23,6 +23,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
+from romdam.pipelines.floor_spectra import refuse_fast_oscillators
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, choose_mesh_and_modes
@@ -174,6 +175,7 @@ def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list
         if loaded.motion is not None and not message:  # what a run, or the summary, would find
             try:
                 refuse_lengths(job, [loaded.motion])
+                refuse_fast_oscillators(job, [loaded.motion])
                 refuse_drifting(job, [loaded.motion])
             except (ConfigError, RecordError) as error:
                 message = str(error)
@@ -210,7 +212,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     where any sample has shear.
     """
     config, suite = job.config, job.config.suite
-    parts = {"nodes", "output_interval", "stress", "error_estimate"}
+    parts = {"nodes", "floor_spectra", "output_interval", "stress", "error_estimate"}
     asked = {
         "model": config.model.model_dump_json(),
         "transient": config.transient.model_dump_json(),

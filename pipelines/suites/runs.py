@@ -20,6 +20,7 @@ from romdam.core.threads import one_thread
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.error.estimate import with_estimates
+from romdam.pipelines.floor_spectra import floors_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motions
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.progress import Note
@@ -142,8 +143,9 @@ def _row(
     history, estimate = with_estimates(suite.job, model, motion, history)
     if estimate is not None and estimate.errors:
         stated["estimated_reduction_error"] = estimate.errors["opening"].l2
+    history, floors = floors_of(suite.job, model, motion, history)
     history, stress = stress_of(model.scene, model.stress, history)
-    case = Case(model.scene, motion, history, stress)
+    case = Case(model.scene, motion, history, stress, floors)
     stated["wall_seconds"] = time.perf_counter() - wall
     stated["cpu_seconds"] = time.process_time() - cpu
     kept = None if suite.write is None else suite.write(suite, run, case, estimate)

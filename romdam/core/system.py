@@ -418,6 +418,23 @@ class Coordinates:
 
 
 @dataclass(frozen=True)
+class StepMotion:
+    """Motion of the output nodes at every base step of a run, whichever of them are written.
+
+    Attributes
+    ----------
+    dt : base step [s]
+    acc, vel : (nt, 3 * number of probes) relative to the base [m/s2], [m/s]
+    ground : (nt, 3) ground acceleration of the base [m/s2]
+    """
+
+    dt: float
+    acc: Floats
+    vel: Floats
+    ground: Floats
+
+
+@dataclass(frozen=True)
 class History(GapQuantities):
     """Result of an integration, at the times that were asked for: what is recorded of the gaps, and the rest.
 
@@ -436,6 +453,7 @@ class History(GapQuantities):
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
+    every_step : motion of the output nodes at every base step; None where it was not asked for
     """
 
     time: Floats
@@ -452,6 +470,7 @@ class History(GapQuantities):
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     warnings: tuple[str, ...] = ()
     final: FinalState | None = None
+    every_step: StepMotion | None = None
 
     @property
     def q(self) -> Floats | None:

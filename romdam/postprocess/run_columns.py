@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from romdam.postprocess.responses import PARAMETER, RUNS
 
-_MAPS = ("gap",)  # dimensions of what has too many numbers for a row
+_MAPS = ("gap", "floor_frequency")  # dimensions of what has too many numbers for a row
 _FIRST = ("scale_factor", "entry_factor", "matched", "status", "message", "file")
 
 

@@ -14,6 +14,7 @@ from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Joint, Scene, StressSites
 from romdam.core.system import History
+from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressSummary
 
 Array = NDArray[Any]
@@ -38,12 +39,16 @@ def upstream_of(config: Config, scene: Scene) -> Floats | None:
 
 @dataclass(frozen=True)
 class Case:
-    """One computed ground motion, from which every variable follows; `stress` is None without stress."""
+    """One computed ground motion, from which every variable follows.
+
+    `stress` is None without stress, `floors` without floor spectra.
+    """
 
     scene: Scene
     motion: GroundMotion
     history: History
     stress: StressSummary | None = None
+    floors: FloorSpectra | None = None
 
     @property
     def joints(self) -> list[Joint]:
@@ -61,6 +66,12 @@ class Case:
         """`stress` of a case that has it."""
         assert self.stress is not None
         return self.stress
+
+    @property
+    def floor_spectra(self) -> FloorSpectra:
+        """`floors` of a case that has them."""
+        assert self.floors is not None
+        return self.floors
 
     # The conditions below are values of `Variable.when`. Variables with the very same condition are in a file
     # together or not at all, see `romdam.results.checking`.
@@ -92,6 +103,18 @@ class Case:
     def has_stress(self) -> bool:
         """Tell whether stress was computed."""
         return self.stress is not None
+
+    def has_floors(self) -> bool:
+        """Tell whether floor spectra were computed."""
+        return self.floors is not None
+
+    def has_floor_error(self) -> bool:
+        """Tell whether a better run states the error of the floor spectra."""
+        return self.floors is not None and self.floors.error is not None
+
+    def has_broadened_floors(self) -> bool:
+        """Tell whether floor spectra were broadened."""
+        return self.floors is not None and self.floors.broadened is not None
 
     def has_stress_duration(self) -> bool:
         """Tell whether durations above the tensile strength were computed."""

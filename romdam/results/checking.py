@@ -25,7 +25,8 @@ _TEXTS = (
 )  # fmt: skip
 _NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = (
-    "model_file", "stress_file", "stress_statement", "error_statement", "error_estimate",
+    "model_file", "stress_file", "stress_statement", "floor_spectrum_statement", "error_statement",
+    "error_estimate",
     "certificate_statement", "discretisation_statement", "code_sha256", "scene_sha256", "record_sha256",
 )  # fmt: skip
 _TIMINGS = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_")

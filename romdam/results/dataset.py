@@ -25,6 +25,7 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
+from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.run_warnings import crack_warnings, run_warnings, unrest_warnings
@@ -120,6 +121,8 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     dataset = xr.Dataset(data, coordinates, attributes)
     if model_file is not None:
         dataset.attrs["model_file"] = model_file
+    if case.floors is not None:
+        dataset.attrs["floor_spectrum_statement"] = floor_statement(case.floors)
     if statement := stress_statement(dataset, peak_shares(case) if of_faces(case) else {}):
         dataset.attrs["stress_statement"] = statement
     return dataset

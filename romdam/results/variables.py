@@ -16,6 +16,7 @@ import numpy as np
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
 from romdam.core.system import ENERGY_TERMS, STATES
 from romdam.results.case import Array, Attributes, Case, Variable
+from romdam.results.floor_variables import FLOOR_COORDINATES, FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
 
@@ -181,6 +182,7 @@ COORDINATES: dict[str, Variable] = {
         lambda c: np.array([c.scene.blocks[p.block].points[p.node] for p in c.scene.probes]),
         Case.has_probes,
     ),
+    **FLOOR_COORDINATES,
     **STRESS_COORDINATES,
 }
 
@@ -298,5 +300,6 @@ VARIABLES: dict[str, Variable] = {
         for written in of.written
     },
     **SLIDING_VARIABLES,
+    **FLOOR_VARIABLES,
     **STRESS_VARIABLES,
 }

@@ -44,6 +44,7 @@ class Settings:
     shear_share : of the change of a shear that an integrator lets pass within a step, the share that is let
         pass; finer runs, by which others are judged, let less
     only_jumps : whether histories may have rows of the jumps alone, which is all a comparison reads
+    every_step : whether histories have the motion of the output nodes at every base step besides the rows
     """
 
     steps: Steps
@@ -54,3 +55,4 @@ class Settings:
     to_accuracy: bool = False
     shear_share: float = 1.0
     only_jumps: bool = False
+    every_step: bool = False

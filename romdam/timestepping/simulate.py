@@ -14,6 +14,7 @@ from romdam.core.integrators import INTEGRATORS
 from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import GapLaw, History
 from romdam.timestepping.energy import imbalance
+from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.prepared import Prepared, Simulation
@@ -69,19 +70,25 @@ def simulate(
                 f"transient.integrator: {integrator.name} cannot {cannot}, and Settings.{name} is given, as "
                 f"statements of error need it; take one of {able}, or leave it out"
             )
+    stride = settings.steps.stride
+    every_step = settings.every_step and not settings.only_jumps
+    if every_step:
+        settings = replace(settings, steps=replace(settings.steps, stride=1))
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
     for i, (simulation, history) in enumerate(zip(simulations, outcomes, strict=True)):
         if not isinstance(history, History):
             continue
         if not settings.only_jumps:  # what moving supports add, the ground, the initial gap, the open ledger
-            system, stride = simulation.prepared.system, settings.steps.stride
-            history = add_support_motion(history, system, simulation.ground, stride)
+            system, written = simulation.prepared.system, settings.steps.stride
+            history = add_support_motion(history, system, simulation.ground, written)
             stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
-            ground = simulation.ground[:3, ::stride].T  # below it stands what moving supports do
+            ground = simulation.ground[:3, ::written].T  # below it stands what moving supports do
             final = history.final
             if final is not None:
                 final = replace(final, model=model_signature(system))
             history = replace(history, stats=stats, gap=system.law.gap, ground=ground, final=final)
+            if every_step:
+                history = thinned(history, settings.steps.base, stride)
         outcomes[i] = _finite(history, simulation.prepared.system.law)
     return outcomes
 

@@ -21,6 +21,7 @@ from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.files import replacing
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.postprocess.maxima import peak_opening_time
+from romdam.visual.floor_plots import floor_spectra_figure
 from romdam.visual.joint_plots import (
     component_panels,
     dissipated_energies,
@@ -216,6 +217,7 @@ FIGURES: dict[str, Callable[[xr.Dataset, DisplayUnits], Figure | None]] = {
     "sliding": sliding_histories,
     "energy": energy_ledger,
     "dissipated_energy": dissipated_energies,
+    "floor_spectra": floor_spectra_figure,
     "stress": stress_histories,
     "stress_damage": stress_damage,
     "stress_sections": stress_sections,

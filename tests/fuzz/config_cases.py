@@ -99,6 +99,12 @@ _TWO: dict[str, Any] = {
         "error_estimate": False,
         "xlsx": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20], "tolerance": 1e-3}},
+        "floor_spectra": {
+            "places": {"crest": ["top"]},
+            "dampings": ["2 %", 0.05],
+            "frequencies": ["1 Hz", 5.0, "40 Hz"],
+            "broadening": "15 %",
+        },
         "stress": {
             "sections": {"foot": {"blocks": ["right"], "point": [0, 0, 5.0], "normal": [0, 0, 1]}},
             "blocks": ["left"],

@@ -25,6 +25,7 @@ from romdam.core.scene import (
     StressSites,
 )
 from romdam.core.system import ENERGY_TERMS, Coordinates, History
+from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
 from romdam.results.dataset import Timing, build_dataset, write_dataset
@@ -131,7 +132,18 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))
     gaps = 5 if joints else 0
     history = make_history(gaps, 3 if mu > 0 and joints else 1, reduced)
-    return Case(scene, motion, history, make_stress(scene.stress, history.time))
+    return Case(scene, motion, history, make_stress(scene.stress, history.time), make_floors())
+
+
+def make_floors() -> FloorSpectra:
+    """Of two places, two dampings and five frequencies."""
+    rng = np.random.default_rng(5)
+    ordinates = rng.uniform(1.0, 9.0, (2, 3, 2, 5))
+    return FloorSpectra(
+        ("top_left", "top_right"), np.array([0.02, 0.05]), np.array([1.0, 2, 5, 10, 20]), ordinates,
+        rng.uniform(1.0, 2.0, (2, 3)), np.zeros(2), 0.1 * rng.uniform(size=ordinates.shape),
+        "Halving the steps", 15.0, 1.5 * ordinates,
+    )  # fmt: skip
 
 
 def make_basis() -> dict[str, BlockBasis]:

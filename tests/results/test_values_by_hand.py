@@ -22,6 +22,7 @@ from romdam.core.scene import (
     StressSites,
 )
 from romdam.core.system import Coordinates, History
+from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, summarise
 from romdam.results.case import Case
 from romdam.results.suite.rows import ROWS
@@ -187,11 +188,21 @@ def make_stress(scene, time):
     return summarise(scene.stress, StressHistory({}, {"low": low, "high": high}, sections=forces), time)
 
 
+def make_floors():
+    """One place, two ratios of damping, two frequencies."""
+    ordinates = np.arange(1.0, 13).reshape(1, 3, 2, 2)
+    peak = np.array([[4.0, 5.0, 6.0]])
+    return FloorSpectra(
+        ("gate",), np.array([0.02, 0.1]), np.array([2.0, 7.0]), ordinates, peak, np.zeros(1),
+        0.1 * ordinates, "More steps", 5.0, 2.0 * ordinates,
+    )  # fmt: skip
+
+
 @pytest.fixture(scope="module")
 def case():
     scene, history = make_scene(), make_history()
     motion = GroundMotion("quake", np.zeros((3, 9)), 0.25, {}, ())
-    return Case(scene, motion, history, make_stress(scene, history.time))
+    return Case(scene, motion, history, make_stress(scene, history.time), make_floors())
 
 
 # name -> (which of it, value)
@@ -213,6 +224,9 @@ EXPECTED_COORDINATES = {
     "support": (WHOLE, ["supports[3]"]),
     "node_block": (WHOLE, ["high", "low"]),
     "node_position": (WHOLE, [[2, 3, 6], [2, 3, 5]]),
+    "floor_place": (WHOLE, ["gate"]),
+    "floor_damping": (WHOLE, [0.02, 0.1]),
+    "floor_frequency": (WHOLE, [2, 7]),
     "stress_block": (WHOLE, ["low", "low", "high", "high", "high"]),
     "stress_node_number": (WHOLE, [1, 3, 0, 2, 3]),
     "stress_position": (WHOLE, [[2, 0, 0], [0, 3, 0], [0, 3, 1], [2, 6, 1], [0, 6, 1]]),
@@ -275,6 +289,12 @@ EXPECTED_OF_MOTION = {
     "support_displacement": (3, [[28, 32, 36]]),
     **{f"energy_{term}": (slice(3, 6), number * np.array([4, 2, 2.5])) for term, number in TERMS.items()},
     "reduced_coordinates": (2, [-9, -21]),
+}
+EXPECTED_OF_FLOORS = {  # the second damping along y
+    "floor_spectrum": ((0, 1, 1), [7, 8]),
+    "floor_spectrum_broadened": ((0, 1, 1), [14, 16]),
+    "floor_spectrum_error": ((0, 1, 1), [0.7, 0.8]),
+    "floor_peak_acceleration": (WHOLE, [[4, 5, 6]]),
 }
 # Principal stresses of (1 0 2) p are 2 p and 0, and 0 and 2 p for p < 0; of shear p they are |p| and -|p|.
 # Up is z, but 0.36 yy + 0.64 zz = 1.64 r at the third node; arch is 2 0.6 0.8 xy at the second and 0.36 zz at
@@ -374,7 +394,7 @@ EXPECTED_OF_SECTIONS = {
     "section_stress": (1, 2 * MPA * np.array([[6.2, -10.6, -7.6, 6.8]])),
 }
 EXPECTED = EXPECTED_OF_JOINTS | EXPECTED_OF_MOTION | EXPECTED_STRESS | EXPECTED_OF_FACES
-EXPECTED |= EXPECTED_OF_SECTIONS
+EXPECTED |= EXPECTED_OF_SECTIONS | EXPECTED_OF_FLOORS
 
 # rows are at rest from 1 s on: the last three, and stand for 0.2, 0.4, 0.4, 0.4, 0.4 and 0.2 s
 EXPECTED_ROWS = {
@@ -396,6 +416,10 @@ EXPECTED_ROWS = {
     # that of 3 (0, 1, 0) + 2.5 (0, 0.6, 0.8) = (0, 4.5, 2)
     "residual_sliding": (WHOLE, [MM * 320**0.5 / 7, MM * (193.5 - 40.5**2 / 24.25) ** 0.5 / 5.5]),
     "peak_displacement": (WHOLE, MM * np.array([[3, 6, 9], [1.5, 3, 12]])),
+    **{
+        name: EXPECTED_OF_FLOORS[name]
+        for name in ("floor_spectrum", "floor_spectrum_error", "floor_peak_acceleration")
+    },
     "peak_stress": (WHOLE, [12e6, 6.56e6, 12e6]),  # in the ring too
     # 98 % of 6 m2: of 3 6 4 8 on 0.5 1.5 3.9 0.1 m2; of 0 6 4 6.56; of 2.88 3 1.44 0
     "face_stress": (WHOLE, [6e6, 6e6, 3e6]),

@@ -24,6 +24,7 @@ from romdam.config.quantities import (
     Time,
 )
 from romdam.config.sections.comparison import ComparisonConfig
+from romdam.config.sections.floor_spectra import FloorSpectraConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig, joint_between
@@ -215,6 +216,7 @@ class OutputsConfig(Model):
     """
 
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
+    floor_spectra: FloorSpectraConfig | None = None
     stress: StressConfig | None = None
     output_interval: Annotated[Time, Positive] | None = None
     """Interval between two rows of the histories; the record's own step if not given."""
@@ -347,6 +349,7 @@ class Config(Model):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for name, node in self.outputs.nodes.items():
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
+        self._refuse_floors_without_nodes()
         if self.outputs.stress is not None:
             self._known_in_stress(self.outputs.stress, blocks)
         for name, both in (self.comparison.relative if self.comparison else {}).items():
@@ -355,6 +358,19 @@ class Config(Model):
         for i, face in enumerate(self.water.faces if self.water else ()):
             self._known(f"water.faces[{i}].block", face.block, blocks)
         return self
+
+    def _refuse_floors_without_nodes(self) -> None:
+        asked, nodes = self.outputs.floor_spectra, self.outputs.nodes
+        if asked is None:
+            return
+        if not nodes:
+            raise ValueError(
+                "outputs.floor_spectra: spectra are of the motion of `outputs.nodes`, and there is none; "
+                "name at least one, such as crest: {block: C4, at: [0, 0, 120 m]}"
+            )
+        for place, names in (asked.places or {}).items():
+            for name in names:
+                self._known(f"outputs.floor_spectra.places.{place}", name, nodes)
 
     def _refuse_grouting_without_rest(self) -> None:
         grouted = [name for name, joint in self.every_joint.items() if joint.law_keys["grouting_pressure"]]

@@ -16,6 +16,7 @@ from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.case import Array, Case, Variable
+from romdam.results.floor_variables import FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_ROWS
 from romdam.results.stress.faces import headline_stress, of_faces
 from romdam.results.variables import VARIABLES
@@ -177,6 +178,10 @@ ROWS: dict[str, Variable] = {
         lambda c: np.abs(c.history.disp).max(axis=0).reshape(-1, 3),
         VARIABLES["displacement"].when,
     ),
+    **{
+        name: FLOOR_VARIABLES[name]
+        for name in ("floor_peak_acceleration", "floor_spectrum", "floor_spectrum_error")
+    },
     "peak_stress": Variable(
         ("stress_measure",),
         "Pa",

@@ -214,6 +214,12 @@ def _coordinates(
         coordinates["gap_area"] = np.concatenate([j.whole_area for j in joints])
     if scene.probes:
         coordinates["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
+    floors = job.config.outputs.floor_spectra
+    if floors is not None:
+        places = floors.places or job.config.outputs.nodes
+        coordinates["floor_place"] = np.array(list(places), dtype=str)
+        coordinates["floor_damping"] = np.array(floors.dampings)
+        coordinates["floor_frequency"] = np.array(floors.frequencies)
     coords |= {n: (COORDINATES[n].dims, values, COORDINATES[n].about) for n, values in coordinates.items()}
     if "peak_stress" in data:
         about = {"long_name": "stress whose largest value is told"}

@@ -53,6 +53,7 @@ _CAPTIONS = {
     "sliding": "Factor of safety against sliding, and mean slip.",
     "energy": "Energy: input, and where it is.",
     "dissipated_energy": "Energy that each joint has dissipated.",
+    "floor_spectra": "Absolute acceleration of oscillators on the places; broken: broadened.",
     "stress": "Stress at named nodes.",
     "stress_damage": "Duration and extent of stress above the strength, beside the limits.",
     "stress_sections": "Forces, moments and linearised stress of sections.",
@@ -362,6 +363,15 @@ def stress_section(subject: RunSubject) -> Section | None:
     return section if section.shown else None
 
 
+def floors_section(subject: RunSubject) -> Section | None:
+    """Floor spectra and how far they may be off."""
+    if "floor_spectrum" not in subject.dataset:
+        return None
+    parts: list[Part] = [*subject.figures("floor_spectra")]
+    parts.append(Text(str(subject.dataset.attrs["floor_spectrum_statement"])))
+    return Section("floors", "Floor spectra", parts)
+
+
 def maxima_section(subject: RunSubject) -> Section:
     """The largest values, where and when, with the motion and the energy."""
     dataset = subject.dataset
@@ -476,6 +486,7 @@ RUN_SECTIONS: tuple[Callable[[RunSubject], Section | None], ...] = (
     checks_section,
     joints_section,
     stress_section,
+    floors_section,
     maxima_section,
     limits_section,
     reproduction_section,

@@ -29,6 +29,7 @@ from romdam.visual.report.parts import (
 from romdam.visual.report.runs import runs_section, worst_section
 from romdam.visual.report.statistics import (
     correlation_section,
+    floors_section,
     fragility_section,
     responses_section,
     sensitivity_section,
@@ -262,6 +263,7 @@ SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     runs_section,
     records_section,
     responses_section,
+    floors_section,
     fragility_section,
     correlation_section,
     sensitivity_section,

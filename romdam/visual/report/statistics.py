@@ -13,6 +13,7 @@ from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of, turned
 from romdam.results.suite.rows import AT_THE_END
 from romdam.visual import suite_plots as plots
+from romdam.visual.floor_plots import floor_spectra_of_runs
 from romdam.visual.report.joint_map import opening_map
 from romdam.visual.report.parts import (
     Part,
@@ -80,6 +81,17 @@ def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
         return ()
     rounded = (float(f"{q:.1g}") for q in np.quantile(finite, (0.3, 0.5, 0.7)))
     return tuple(dict.fromkeys(rounded))
+
+
+def floors_section(subject: Subject) -> Section | None:
+    """Floor spectra over the runs."""
+    figure = floor_spectra_of_runs(subject.summary)
+    if figure is None:
+        return None
+    caption = (
+        "Quantiles of the ordinates of all records and samples; broken: broadened. Files hold all of them."
+    )
+    return Section("floors", "Floor spectra", [side_by_side(picture(figure, caption))])
 
 
 def fragility_section(subject: Subject) -> Section | None:

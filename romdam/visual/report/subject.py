@@ -88,8 +88,8 @@ def responses(summary: xr.Dataset) -> list[str]:
     return [
         str(name)
         for name, values in summary.data_vars.items()
-        if values.dims[:3] == RUNS and values.dtype.kind == "f" and "gap" not in values.dims
-        and name not in _NOT_RESPONSES
+        if values.dims[:3] == RUNS and values.dtype.kind == "f"
+        and not {"gap", "floor_frequency"} & {*values.dims} and name not in _NOT_RESPONSES
     ]  # fmt: skip
 
 
