@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, naming_lines, with_lines
@@ -24,6 +24,7 @@ from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.record_set import load_motions
 from romdam.reduction.storage.user_cache import open_store
 from romdam.timestepping.grouting import grouted
+from romdam.timestepping.uplift import with_uplift_at_rest
 
 log = logging.getLogger(__name__)
 
@@ -84,8 +85,17 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         for line in with_lines(job, scene.remarks):
             log.warning("%s", line)
         config, law = job.config, None
-        if gap_law(scene).grout.any():
-            law = grouted(assemble_full(scene, config.damping), config.transient.tolerance).law
+        gaps, tolerance = gap_law(scene), config.transient.tolerance
+        if gaps.grout.any() or gaps.uplift:
+            rest = with_uplift_at_rest(grouted(assemble_full(scene, config.damping), tolerance), tolerance)
+            law = rest.law
+            if rest.uplift is not None:
+                added = {name: rest.uplift.added[of_joint] for name, of_joint in law.joints.items()}
+                joints = {
+                    name: replace(joint, water=joint.water + added[name])
+                    for name, joint in scene.joints.items()
+                }
+                scene = replace(scene, joints=joints)
         title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
         static = config.loads.initial_state == "static"
         deck = build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)

@@ -28,6 +28,7 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import grid_steps
+from romdam.timestepping.uplift import with_uplift_at_rest
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +60,9 @@ class Model:
 def prepare(
     job: Job, system: System, integrator: str | None = None, like: Prepared | None = None
 ) -> Prepared:
-    """Make a system ready for the configured integrator, or for the one that suits it, its joints grouted.
+    """Make a system ready for the configured integrator, or for the one that suits it.
+
+    Its joints are grouted, and the uplift in them is that of their cracks at rest.
 
     Parameters
     ----------
@@ -70,7 +73,7 @@ def prepare(
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
     prepared_before = {} if like is None else like.symmetries
-    ready = grouted(system, transient.tolerance)
+    ready = with_uplift_at_rest(grouted(system, transient.tolerance), transient.tolerance)
     return Prepared(ready, integrator_class(name).configured(transient), symmetries=prepared_before)
 
 

@@ -160,7 +160,8 @@ class GapQuantities:
             written=(
                 Written(
                     "crack_water_force",
-                    "force of the water that entered the gap as it opened, besides that of water_pressure",
+                    "force of the water that entered the gap as it opened, or was lost (negative), besides "
+                    "that of water_pressure",
                     when=lambda history: bool(history.water.any()),
                 ),
             ),

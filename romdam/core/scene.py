@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.motion import MovingSupports
-from romdam.core.system import BlockMatrices, LawRows
+from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 
@@ -123,6 +123,7 @@ class Joint:
     corner : (n,) node of the face's block at which each gap stands
     patches : (n, nodes of the face's block) of the mean over what each gap stands for, rows sum to 1; None
         where that is its corner's share of the facets
+    uplift : water whose pressure follows from the crack at rest; None where it does not
     """
 
     name: str
@@ -146,6 +147,7 @@ class Joint:
     face: JointFace | None = None
     corner: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     patches: csr_matrix | None = None
+    uplift: CrackedUplift | None = None
 
     def of_corners(self, values: Floats) -> Floats:
         """Values at the gaps (n,) of values at the corners of the face's facets.

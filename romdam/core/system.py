@@ -69,6 +69,77 @@ class LawRows:
     shear: bool
 
 
+class CrackedUplift(Protocol):
+    """Water in a joint whose pressure follows from its crack at rest.
+
+    Lines through the joint from heel to toe stand side by side; the crack of each ends at a tip, so many
+    metres from the heel: 0 where the heel is closed.
+    """
+
+    @property
+    def redrawn(self) -> bool:
+        """Whether the pressure at rest follows from the tips; else it is that of the closed joint."""
+        ...
+
+    @property
+    def earthquake(self) -> str:
+        """What gaps that open later get: "frozen", "zero" or "full"."""
+        ...
+
+    @property
+    def length(self) -> Floats:
+        """(lines,) distance from heel to toe [m]."""
+        ...
+
+    @property
+    def drains_at(self) -> float:
+        """Distance of the drains from the heel, inf without any [m]."""
+        ...
+
+    def tips(self, opening: Floats, is_open: Bools, rigid: Bools) -> Floats:
+        """(lines,) tips of the crack.
+
+        Parameters
+        ----------
+        opening : (n,) of the gaps, negative where springs are pressed in [m]
+        is_open, rigid : (n,) gaps that carry nothing, and those that have no springs
+        """
+        ...
+
+    def at_gaps(self, tips: Floats) -> Floats:
+        """(n,) tips on the lines through the gaps [m]."""
+        ...
+
+    def force(self, tips: Floats) -> Floats:
+        """(n,) force of the water in the gaps for tips (lines,) [N]."""
+        ...
+
+    def full_force(self) -> Floats:
+        """(n,) force of the reservoir's pressure in the gaps [N]."""
+        ...
+
+
+@dataclass(frozen=True)
+class RestUplift:
+    """What became of the water in joints whose pressure follows from their cracks at rest.
+
+    Attributes
+    ----------
+    added : (ng,) force of the water in the gaps at rest, more than that of the scene's closed joints [N]
+    crack : (ng,) distance of the crack's tip from the heel on the line through each gap, 0 where the heel is
+        closed; NaN in joints whose uplift is not redrawn [m]
+    iterations : equilibria that were solved until uplift and crack agreed
+    change : by which the last still moved a tip, of its line
+    warnings : what a careful reader should know, one sentence each
+    """
+
+    added: Floats
+    crack: Floats
+    iterations: int
+    change: float
+    warnings: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class GapLaw:
     """Parameters of every gap of the scene, joints one after another.
@@ -86,6 +157,7 @@ class GapLaw:
     slipped : (ng, 2) accumulated slip that grouting left behind [m]; empty where it is zero
     memory : (L, ng, s) memory of the further laws that grouting left behind, see
         `romdam.contact.problem.GapMemory`; empty where it is that of unloaded gaps
+    uplift : joint name -> water that follows from its crack at rest
     """
 
     K_n: Floats
@@ -100,6 +172,7 @@ class GapLaw:
     slip: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     slipped: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     memory: Floats = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    uplift: Mapping[str, CrackedUplift] = field(default_factory=dict)
 
     @property
     def directions(self) -> int:
@@ -271,6 +344,7 @@ class System:
         and what is observed; None without
     drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
         as a matrix would be full; None where C is all of it
+    uplift : water in cracked joints that is in `force`; None where no joint's follows from its crack
     """
 
     M: csr_matrix
@@ -292,6 +366,7 @@ class System:
     gyroscopic: bool = False
     pseudo_static: PseudoStatic | None = None
     drag: Floats | None = None
+    uplift: RestUplift | None = None
 
     @property
     def size(self) -> int:
@@ -454,6 +529,7 @@ class History(GapQuantities):
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
+    uplift : as of the system
     """
 
     time: Floats
@@ -471,6 +547,7 @@ class History(GapQuantities):
     warnings: tuple[str, ...] = ()
     final: FinalState | None = None
     every_step: StepMotion | None = None
+    uplift: RestUplift | None = None
 
     @property
     def q(self) -> Floats | None:

@@ -41,6 +41,7 @@ def gap_law(scene: Scene) -> GapLaw:
         laws=tuple(laws),
         viscosity=stacked("viscosity"),
         grout=stacked("grout"),
+        uplift={joint.name: joint.uplift for joint in joints if joint.uplift is not None},
     )
 
 

@@ -95,12 +95,27 @@ def crack_warnings(water: Iterable[JointWaterConfig], scene: Scene, history: His
             continue
         opened = (history.state[:, gaps] == OPEN) & (history.jump[:, gaps, 0] > 0.0)  # unloaded is no crack
         share = opened @ joint.area / joint.area.sum()
-        if not share.any():
+        crack, earthquake = diagrams[name].crack, diagrams[name].earthquake or "frozen"
+        at_rest = crack == "redrawn" or earthquake != "frozen"  # what is open at rest is as it should be
+        if not share.any() or (at_rest and (share.max() <= share[0] or earthquake == "full")):
+            continue
+        if at_rest:
+            sentences.append(
+                f"joint {name} is open over {share[0]:.0%} of its area at the start and up to "
+                f"{share.max():.0%} later; "
+                + (
+                    "what opens later has no water (earthquake: zero)"
+                    if earthquake == "zero"
+                    else "its uplift stays that of the crack at rest (earthquake: frozen)"
+                )
+                + ". After the earthquake a longer crack may let the reservoir in: check it at rest, without "
+                "the bonds that were lost"
+            )
             continue
         assumed = (
             "its open gaps have the pressure of the whole level (crack: full), but beyond the crack's tip "
             "the diagram stays that of the closed joint"
-            if diagrams[name].crack == "full"
+            if crack == "full"
             else "the water's pressure stays the diagram of the closed joint, in the crack too "
             "(crack: unchanged)"
         )

@@ -136,6 +136,12 @@ class Case:
         """An attribute of `Joint` for all gaps, joint after joint."""
         return np.concatenate([getattr(joint, name) for joint in self.joints])
 
+    @property
+    def water_at_rest(self) -> Array:
+        """(ng,) force of the water in the gaps at rest [N]."""
+        added = 0.0 if self.history.uplift is None else self.history.uplift.added
+        return np.asarray(self.of_gaps("water") + added)
+
     def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
         """`reduce` applied to the gaps of each joint."""
         stops = np.cumsum([len(joint.area) for joint in self.joints])[:-1]

@@ -196,15 +196,23 @@ VARIABLES: dict[str, Variable] = {
         ("gap",),
         "Pa",
         "pressure of the water in the joint, mean over the gap's area",
-        lambda c: c.of_gaps("water") / c.of_gaps("area"),
+        lambda c: c.water_at_rest / c.of_gaps("area"),
         Case.has_water_in_joints,
     ),
     "water_force": Variable(
         ("joint", "component"),
         "N",
         "resultant of the water in the joint on block J; block I has the opposite",
-        lambda c: np.array([joint.water_resultant for joint in c.joints]),
+        lambda c: c.joint_sums((c.water_at_rest[:, None] * c.of_gaps("axes")[:, 0])[None])[0],
         Case.has_water_in_joints,
+    ),
+    "crack_at_rest": Variable(
+        ("gap",),
+        "m",
+        "distance from the heel to the tip of the crack at rest, on the line through the gap, by which its "
+        "water_pressure was drawn; 0 where the heel is closed, NaN in joints whose uplift is not redrawn",
+        lambda c: np.zeros(0) if c.history.uplift is None else c.history.uplift.crack,
+        lambda c: c.history.uplift is not None,
     ),
     "displacement": Variable(
         ("time", "node", "component"),

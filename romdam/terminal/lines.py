@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -195,9 +196,17 @@ def _water_lines(dataset: xr.Dataset) -> list[str]:
         water = dataset.water_force.sel(joint=joint).values
         x, y, z, carried = 1e-6 * without_round_off([*water, carried])
         block = str(dataset.joint_blocks.sel(joint=joint).values[1])
+        crack = ""
+        if "crack_at_rest" in dataset:
+            of_joint = dataset.crack_at_rest.values[dataset.gap_joint.values == joint]
+            crack = (
+                ""
+                if math.isnan(of_joint[0])
+                else f"; crack at rest up to {of_joint.max():.4g} m from the heel"
+            )
         lines.append(
             f"water          {joint}: ({x:.4g}, {y:.4g}, {z:.4g}) MN on {block}; "
-            f"effective normal force at the start {carried:.4g} MN"
+            f"effective normal force at the start {carried:.4g} MN{crack}"
         )
     return lines
 

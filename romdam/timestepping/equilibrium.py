@@ -238,8 +238,14 @@ def rest_shift(system: System) -> float:
     return _SHIFT if system.floating else 0.0
 
 
-def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapState]:
+def static_equilibrium(
+    system: System, tolerance: float, steps: dict[float, ProximalStep] | None = None
+) -> tuple[Floats, GapState]:
     """Find the equilibrium under the static loads, starting from the undeformed state.
+
+    Parameters
+    ----------
+    steps : factored for a system that differs in its static force at most; gains those of this one
 
     Returns
     -------
@@ -251,7 +257,14 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
         where there is no equilibrium (a block that the joints cannot hold), or the gaps do not converge.
     """
     least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
-    step, (q, gaps) = _ProximalStep.factored(system, least), _unloaded(system)
+    steps = {} if steps is None else steps
+
+    def factored(shift: float) -> ProximalStep:
+        if shift not in steps:
+            steps[shift] = ProximalStep.factored(system, shift)
+        return steps[shift]
+
+    step, (q, gaps) = factored(least), _unloaded(system)
     memory = gap_memory(step.problem)
     if system.law.remembers:
         take_over(memory, gaps)
@@ -277,13 +290,13 @@ def static_equilibrium(system: System, tolerance: float) -> tuple[Floats, GapSta
             if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
                 shift = max(_SHRINK * step.shift, least, _SHIFT)
         if shift != step.shift:  # another flexibility: go on from the last state with a fresh solver
-            step = _ProximalStep.factored(system, shift)
+            step = factored(shift)
             memory.force[:] = gaps.p_c
             memory = memory._replace(solver=solver_state(len(gaps.jump), gaps.jump.shape[1] > 1))
     if not _keeps_water(step.problem, memory, gaps):
         raise ConvergenceError(
             f"initial state: after {_MAX_ITERATIONS} iterations gaps still open and close with the water "
-            "that enters them; set loads.joint_water[].crack: unchanged, or loads.initial_state: undeformed"
+            "that enters them; set loads.joint_water[].crack: redrawn, or loads.initial_state: undeformed"
         )
     raise ConvergenceError(
         f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
@@ -323,7 +336,7 @@ def _refuse_collapse(system: System, problem: GapProblem) -> None:
 
 
 @dataclass(frozen=True)
-class _ProximalStep:
+class ProximalStep:
     """One step of the iteration.
 
     Attributes

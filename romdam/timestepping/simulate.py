@@ -87,6 +87,10 @@ def simulate(
             if final is not None:
                 final = replace(final, model=model_signature(system))
             history = replace(history, stats=stats, gap=system.law.gap, ground=ground, final=final)
+            if system.uplift is not None:
+                stats["uplift_iterations"] = float(system.uplift.iterations)
+                warnings = (*history.warnings, *system.uplift.warnings)
+                history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
             if every_step:
                 history = thinned(history, settings.steps.base, stride)
         outcomes[i] = _finite(history, simulation.prepared.system.law)

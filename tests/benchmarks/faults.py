@@ -319,7 +319,7 @@ _FAULTS = [
             'peaks["compression"] / c.of_gaps("area")',
             'peaks["compression"] / c.of_gaps("whole_area")',
         ),
-        ('c.of_gaps("water") / c.of_gaps("area")', 'c.of_gaps("water") / c.of_gaps("whole_area")'),
+        ('c.water_at_rest / c.of_gaps("area")', 'c.water_at_rest / c.of_gaps("whole_area")'),
         ("lambda part: part[part[:, 0].argmax(), 1])", "lambda part: part[part[:, 1].argmax(), 1])"),
     ),
     *_in(

@@ -62,7 +62,8 @@ _TWO: dict[str, Any] = {
                 "downstream": [1, 0, 0],
                 "tailwater": 2.0,
                 "drains": {"at": 1.0, "rule": "usace", "effectiveness": 0.5, "gallery": 3.0},
-                "crack": "unchanged",
+                "crack": "redrawn",
+                "earthquake": "zero",
                 "density": 1000.0,
             }
         ],

@@ -21,7 +21,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import Coordinates, History
+from romdam.core.system import Coordinates, History, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, summarise
 from romdam.results.case import Case
@@ -167,6 +167,9 @@ def make_history():
         "slip": MM * np.array([6, 4, 2.5, 3.5, 9.5]),
     }
     energy = {term: number * np.array([0, 3, 1, 4, 2, 2.5]) for term, number in TERMS.items()}
+    uplift = RestUplift(
+        1e5 * np.array([2.0, 0, 0, 3, 0]), np.array([1.5, 0, np.nan, np.nan, np.nan]), 7, 1e-10
+    )
     stats = {"ledger_imbalance": 1e-9, "estimated_time_error": 0.02, "finest_step": 0.0025, "steps": 321.0}
     return History(
         time=0.4 * np.arange(6), jump=MM * np.stack([OPENING, SLIP_J, SLIP_K], axis=2), traction=traction,
@@ -177,6 +180,7 @@ def make_history():
         coordinates=Coordinates.of(rows_of(MOVED, [3, 7]), rows_of(MOVED, [5, 11])), energy=energy,
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
+        uplift=uplift,
     )  # fmt: skip
 
 
@@ -264,8 +268,9 @@ EXPECTED_OF_JOINTS = {
     "crack_water_force": (2, [2e3, 4e3, 6e3, 8e3, 10e3]),
     "joint_state": (4, [2, 2, 1, 0, 0]),
     "dissipated_energy": (3, [5, 10, 0.5, 1, 2]),
-    "water_pressure": (WHOLE, [5e4, 2e5, 2e5, 0, 2e5]),  # over areas of 2, 4, 0.5, 1 and 2.5
-    "water_force": (WHOLE, [[0, 9e5, 0], [0, 4e5, 4e5]]),  # 1e5 along y and 5e5 along (0, 0.6, 0.8)
+    "water_pressure": (WHOLE, [1.5e5, 2e5, 2e5, 3e5, 2e5]),  # over areas of 2, 4, 0.5, 1 and 2.5
+    "water_force": (WHOLE, [[0, 11e5, 0], [0, 7e5, 4e5]]),  # 4e5 along y and 5e5 along (0, 0.6, 0.8)
+    "crack_at_rest": (WHOLE, [1.5, 0, np.nan, np.nan, np.nan]),
     "peak_opening": (WHOLE, [4.5e-3, 6.5e-3]),
     "peak_opening_time": (WHOLE, [1.1, 1.65]),  # not the last of a joint
     "peak_compression": (WHOLE, [-14e6, -5e6]),

@@ -122,7 +122,7 @@ def test_water_is_whole_where_rigid_gaps_determine_each_other():
     stiffness = np.diag([0.0] * 6 + [K] * 3)
     force = [1e3, 0.0, -1e4, 0.0, 0.0, -1e4, 100.0, 0.0, 0.0]
     system = modal_twin(sparse_system(1000.0 * np.eye(9), stiffness, B, law, force=force, floating=True))
-    assert equilibrium._ProximalStep.factored(system, equilibrium.rest_shift(system)).compliance > 0.0
+    assert equilibrium.ProximalStep.factored(system, equilibrium.rest_shift(system)).compliance > 0.0
     q, gaps = static_equilibrium(system, 1e-10)
     assert gaps.water[3] == WATER
     assert gaps.jump[3, 0] == pytest.approx((100.0 + WATER) / K, rel=1e-9)

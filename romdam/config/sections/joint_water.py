@@ -67,8 +67,11 @@ class JointWaterConfig(Model):
     drains: DrainsConfig | None = None
     waterstop: Annotated[Length, Positive] | None = None
     """Distance downstream of the upstream edge."""
-    crack: Literal["unchanged", "full"] = "unchanged"
-    """Pressure in an open gap: the diagram's too (USACE, FERC), or at once that of `level` (ICOLD)."""
+    crack: Literal["unchanged", "redrawn", "full"] = "unchanged"
+    """Uplift where the joint opens: the diagram of the closed joint; that of the cracked base at rest,
+    redrawn from its tip until it agrees with the stresses; or at once that of `level` (ICOLD)."""
+    earthquake: Literal["frozen", "zero", "full"] | None = None
+    """Uplift in what opens while shaken: as at rest (frozen), none (zero), or that of `level` (full)."""
     density: Annotated[Density, Positive] = 1000.0
     """Density of the water."""
 
@@ -79,19 +82,35 @@ class JointWaterConfig(Model):
             raise ValueError(f"`{needing[0]}` needs `downstream`, such as [0, 1, 0], from heel to toe")
         if self.drains is not None and self.waterstop is not None:
             raise ValueError("`drains` and `waterstop` exclude each other; leave one out")
-        if self.crack == "full" and (self.waterstop is not None or self.downstream is None):
+        key = f"`crack: {self.crack}`" if self.crack != "unchanged" else f"`earthquake: {self.earthquake}`"
+        if self.follows_crack and (self.waterstop is not None or self.downstream is None):
             why = (
                 "a waterstop keeps it from the joint"
                 if self.waterstop
                 else "without `downstream` it is there"
             )
-            raise ValueError(f"`crack: full` lets in the reservoir's pressure, and {why}; leave it out")
+            raise ValueError(f"{key} lets in the reservoir's pressure, and {why}; leave it out")
+        if self.crack == "full" and self.earthquake not in (None, "full"):
+            raise ValueError(
+                f"`earthquake: {self.earthquake}` contradicts `crack: full`, which fills every gap that "
+                "opens; set `crack: redrawn`"
+            )
         if self.downstream is not None and not any(self.downstream):
             raise ValueError("`downstream` must have a length above 0, got [0, 0, 0]")
         for key, height in (("tailwater", self.tailwater), ("drains.gallery", self._gallery)):
             if height is not None and height > self.level:
                 raise ValueError(f"`{key}` at {height:g} m is above `level`, {self.level:g} m; lower it")
         return self
+
+    @property
+    def follows_crack(self) -> bool:
+        """Whether the pressure in a crack is another than in the closed joint."""
+        return self.crack != "unchanged" or self.earthquake in ("zero", "full")
+
+    @property
+    def needs_rest(self) -> bool:
+        """Whether the pressure follows from the crack at rest."""
+        return self.crack != "full" and self.follows_crack
 
     @property
     def _gallery(self) -> float | None:

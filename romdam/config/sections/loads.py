@@ -205,6 +205,14 @@ class LoadsConfig(Model):
                         f"joint_water[{k}].joints: joint {quote(name)} stands in joint_water[{seen[name]}] "
                         "already; name it once"
                     )
+            if water.needs_rest and self.initial_state == "undeformed":
+                key = (
+                    f"crack: {water.crack}" if water.crack == "redrawn" else f"earthquake: {water.earthquake}"
+                )
+                raise ValueError(
+                    f"joint_water[{k}].{key} follows the crack at rest, and initial_state: undeformed starts "
+                    "without rest; set static, or leave the key out"
+                )
         return self
 
     @property

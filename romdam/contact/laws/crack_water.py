@@ -1,19 +1,21 @@
-"""Water that enters a gap when it opens."""
+"""Water that enters a gap when it opens, or is lost from it."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from romdam.contact.laws.law import OPENING, PULLED, WATER, Law, Past, Row
+from romdam.contact.laws.law import NORMAL_FORCE, OPENING, PULLED, WATER, Law, Past, Row
 
 (EXCESS,) = range(1)
 (OPEN,) = range(1)
 
 
 class CrackWater(Law):
-    """The reservoir's pressure in an open gap: more than the diagram's, at once, until the gap closes.
+    """Another pressure in an open gap than in a closed one, at once, until the gap closes.
 
-    Its parameter is the force by which it exceeds the diagram's [N]; `loads.joint_water` says where.
+    Its parameter is the force by which it exceeds that of the closed gap [N], below zero where water is lost;
+    `loads.joint_water` says where. Lost water is back when the closed gap can carry it: before, it would open
+    the gap again, and be lost.
     """
 
     memory = ("open",)
@@ -45,5 +47,5 @@ class CrackWater(Law):
 
     @staticmethod
     def commit(parameters: Any, memory: Any, step: Any) -> None:
-        if step[OPENING] <= 0.0:
+        if step[OPENING] <= 0.0 and step[NORMAL_FORCE] >= -parameters[EXCESS]:
             memory[OPEN] = 0.0

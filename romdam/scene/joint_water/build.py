@@ -14,6 +14,7 @@ from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Joint
 from romdam.core.system import LawRows
+from romdam.scene.joint_water.cracked_base import CrackedBase
 from romdam.scene.joint_water.diagram import Diagram, Outline, mean_pressure
 
 _log = logging.getLogger(__name__)
@@ -69,7 +70,13 @@ def with_water(
     diagram = Diagram(water, water.density * gravity, outline)
     pressure = joint.of_corners(mean_pressure(points, joint.face, diagram))
     wet = replace(joint, water=pressure * joint.area)
-    if water.crack == "full":
+    if water.needs_rest:
+        assert outline is not None and joint.face is not None
+        wet = replace(wet, uplift=CrackedBase.of(joint, water, points, diagram))
+        if water.earthquake in ("zero", "full"):  # which gaps are open at rest is known then
+            rows = LawRows(source_of(CrackWater), np.zeros((len(pressure), 1)), pressure > 0.0, shear=False)
+            wet = replace(wet, laws=(*joint.laws, rows))
+    elif water.crack == "full":
         full = joint.of_corners(mean_pressure(points, joint.face, replace(diagram, outline=None)))
         excess = (full - pressure) * joint.area
         rows = LawRows(source_of(CrackWater), excess[:, None], excess > 0.0, shear=False)

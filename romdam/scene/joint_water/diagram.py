@@ -76,11 +76,14 @@ class Diagram:
     water : the configuration's
     weight : of the water per volume [N/m3]
     outline : where the head depends on the distance from the heel
+    tips : (lines, 2) of a crack from the heel: where lines stand across the joint, in order, and the distance
+        of each one's tip from its heel, linear between them; None without a crack [m]
     """
 
     water: JointWaterConfig
     weight: float
     outline: Outline | None
+    tips: Floats | None = None
 
     def pressure(self, points: Floats) -> Floats:
         """Pressure at points (m, 3) of the joint [Pa]."""
@@ -106,20 +109,37 @@ class Diagram:
             starts, heads = [np.zeros_like(x), np.full_like(x, water.waterstop)], [level, np.maximum(tail, z)]
             return x, np.column_stack(starts), np.column_stack(heads)
         low = np.minimum(np.maximum(tail, height), level)
+        tip = np.zeros_like(x)
+        if self.tips is not None:
+            tip = np.minimum(np.interp(points @ self.outline.across, *self.tips.T), length)
+        rest = length - tip
+        share = np.divide(x - tip, rest, out=np.zeros_like(x), where=rest > _SHORT)
+        straight = level + (low - level) * share
+        if water.drains is None and self.tips is None:
+            return x, np.zeros((len(x), 1)), straight[:, None]
         if water.drains is None:
-            share = np.divide(x, length, out=np.zeros_like(x), where=length > _SHORT)
-            return x, np.zeros((len(x), 1)), (level + (low - level) * share)[:, None]
-        at, drained = water.drains.at, self._drained(low, length)
+            return x, np.column_stack([np.zeros_like(x), tip]), np.column_stack([level, straight])
+        at, drained = water.drains.at, self._drained(low, length, tip)
+        works = tip < at  # drains that the crack has passed are lost
+        fall = (drained - level) * (x - tip)
+        before = level + np.divide(fall, at - tip, out=np.zeros_like(x), where=works)
         behind = drained + (low - drained) * (x - at) / (length - at)
-        starts, heads = [np.zeros_like(x), np.full_like(x, at)], [level + (drained - level) * x / at, behind]
+        starts = [np.zeros_like(x), tip, np.where(works, at, tip)]
+        heads = [level, np.where(works, before, straight), np.where(works, behind, straight)]
+        if self.tips is None:
+            starts, heads = starts[1:], heads[1:]
         return x, np.column_stack(starts), np.column_stack(heads)
 
-    def _drained(self, low: Floats, length: Floats) -> Floats:
-        """Head at the drains [m]; `low` is that at the toe."""
+    def _drained(self, low: Floats, length: Floats, tip: Floats) -> Floats:
+        """Head at the drains [m]; `low` is that at the toe, `tip` the end of the crack before them."""
         drains, level = self.water.drains, self.water.level
         assert drains is not None
         least = low if drains.gallery is None else np.maximum(low, drains.gallery)
-        left = 1.0 - drains.at / length if drains.rule == "usace" else 1.0
+        left: Floats | float = 1.0
+        if drains.rule == "usace":
+            works = tip < drains.at
+            passed = np.divide(drains.at - tip, length - tip, out=np.zeros_like(low), where=works)
+            left = 1.0 - passed
         return least + drains.share_left * (level - least) * left
 
 

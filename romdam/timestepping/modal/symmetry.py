@@ -79,8 +79,8 @@ def merge_equivalent_contacts(
     Parameters
     ----------
     active : the shaken components
-    known : results for systems that differ in damping and in their joints' parameters at most, by what they
-        depend on of these; gains the one of this system
+    known : results for systems that differ in damping, in their joints' parameters and in the uplift that
+        follows from these at most, by what they depend on of these; gains the one of this system
     """
     law, known = system.law, {} if known is None else known
     if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
@@ -90,7 +90,8 @@ def merge_equivalent_contacts(
     values = np.column_stack([rigid_n, rigid_s, spring_n, spring_s, law.mu, law.gap])
     classes = _separated(np.zeros(len(law), dtype=np.int64), values)
     shift = b"" if system.point_shift is None else system.point_shift.tobytes()
-    starts = law.slip.tobytes(), law.slipped.tobytes(), shift
+    uplift = b"" if system.uplift is None else system.uplift.added.tobytes()
+    starts = law.slip.tobytes(), law.slipped.tobytes(), shift, uplift
     key = (active.tobytes(), law.directions, classes.tobytes(), *starts)
     if key not in known:
         known[key] = _equivalence(system, active, classes)
