@@ -16,6 +16,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import History, System
 from romdam.error.estimate import FinerModel
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
+from romdam.records.processing.force_rows import add_force_rows, force_warnings, step_of_signals
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.synthesis import ReducedModel
@@ -125,7 +126,21 @@ def simulate_motions(
         else:
             histories = simulate_to(some, grounds, run_settings, accuracy, progress)
         outcomes.update(zip(group, histories, strict=True))
-    return [outcomes[i] for i in range(len(motions))]
+    return [_with_force_warnings(outcomes[i], prepared[i].system) for i in range(len(motions))]
+
+
+def _with_force_warnings(outcome: Outcome, system: System) -> Outcome:
+    """The outcome, with what its steps lose of forces that vary in time."""
+    if not system.signals or not isinstance(outcome, History):
+        return outcome
+    base = outcome.stats["base_step"]
+    said = force_warnings(system.signals, base, float(outcome.time[-1]))
+    return replace(outcome, warnings=(*outcome.warnings, *said))
+
+
+def source_step(motion: GroundMotion, system: System) -> float:
+    """Longest step that is worth taking: the record's, or that of forces that vary in time [s]."""
+    return step_of_signals(motion.dt, system.signals)
 
 
 def simulate_motion(
@@ -180,9 +195,10 @@ def settings_for(
     """
     transient, interval = job.config.transient, job.config.outputs.output_interval
     if transient.finest_step is not None:
-        steps = prepared.integrator.steps(transient.finest_step, motion.dt, interval)
+        dt = source_step(motion, prepared.system)
+        steps = prepared.integrator.steps(transient.finest_step, dt, interval)
     else:  # those that an accuracy starts from, or has come to
-        steps = grid_steps(motion.dt, interval)
+        steps = grid_steps(source_step(motion, prepared.system), interval)
         if chosen is not None:
             finest, base = chosen
             steps = prepared.integrator.steps(finest, base, steps.interval)
@@ -207,12 +223,15 @@ def ground_at_steps(
 ) -> Floats:
     """(3, nt) ground acceleration at every step, cut to `duration` or followed by rest up to it.
 
-    With what supports move against the base, where a system is given that has such motions; rows as
-    `romdam.core.motion.ground_rows` has them.
+    With what supports move against the base, and forces that vary in time, where a system is given that has
+    them; rows as `romdam.core.motion.ground_rows` has them.
     """
     refuse_steps(motion.duration if duration is None else duration, dt, motion.name)
     acc = resample_motion(motion, dt, band_limited=system is not None and system.needs_whole_record)
     if duration is not None:
         acc = cut_or_extended(acc, round(duration / dt) + 1)
-    moving = None if system is None else system.pseudo_static
-    return acc if moving is None else add_support_rows(acc, dt, moving.motions)
+    if system is None:
+        return acc
+    moving = system.pseudo_static
+    ground = acc if moving is None else add_support_rows(acc, dt, moving.motions)
+    return add_force_rows(ground, dt, system.signals)

@@ -96,6 +96,7 @@ def run_bytes(system: System, steps: float, rows: float) -> float:
     row = 6 * jumps + 2 * len(system.law) + 5 * coordinates + 6 * system.observe.shape[0] + 30
     histories = system.load.shape[1] if system.drives else 0
     histories += 0 if system.pseudo_static is None else 9 * len(system.pseudo_static.motions)
+    histories += len(system.signals)
     return (_STEP + _HISTORY * histories) * steps + 8.0 * row * rows
 
 

@@ -100,7 +100,7 @@ def certify(
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
     sampled = passes is None and damped and scene.moving is None and float(run.time[-1]) > SHORTEST
-    sampled = sampled and model.prepared.integrator.resumes
+    sampled = sampled and model.prepared.integrator.resumes and not scene.force_histories
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
     if sampled:

@@ -12,7 +12,7 @@ from romdam.core.system import History
 from romdam.core.threads import at_once, cpu_time
 from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error, rocks_on_joints
 from romdam.error.statement import ErrorStatement, unknown_estimate
-from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
+from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, source_step
 from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
@@ -119,7 +119,8 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
         parts = 3
     elif follows_base_step(law) or hardly_cut(history):
         parts = 2
-    steps = prepared.integrator.steps(factor * finest, motion.dt / parts, settings.steps.interval)
+    dt = source_step(motion, prepared.system) / parts
+    steps = prepared.integrator.steps(factor * finest, dt, settings.steps.interval)
     ground = ground_at_steps(motion, steps.base, job.config.transient.duration, prepared.system)
     other = replace(settings, steps=steps, shear_share=min(factor, 1.0))
     return estimate_time_error(prepared, history, ground, other)

@@ -29,7 +29,7 @@ from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, choose_mesh_and_modes, silent
-from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion, source_step
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
 from romdam.reduction.mode_choice import ALL_MODES, ModeChoice, mode_choice
@@ -295,7 +295,8 @@ def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
 
 def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
     """Settings of the job at a finest step up to `step` that divides the compared interval."""
-    steps = prepared.integrator.steps(min(step, setup.every), setup.motion.dt, setup.every)
+    dt = source_step(setup.motion, prepared.system)
+    steps = prepared.integrator.steps(min(step, setup.every), dt, setup.every)
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 

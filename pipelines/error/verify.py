@@ -24,7 +24,15 @@ from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
-from romdam.pipelines.simulation import Model, as_run, ground_at_steps, prepare, settings_for, simulate_motion
+from romdam.pipelines.simulation import (
+    Model,
+    as_run,
+    ground_at_steps,
+    prepare,
+    settings_for,
+    simulate_motion,
+    source_step,
+)
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.processing.resampling import strongest_part
@@ -147,7 +155,8 @@ def _full(
     tell: Callable[[str], None],
 ) -> VerifiedRun:
     every = float(reduced.history.time[1])
-    steps = fixed_steps(full_order_step(reduced, motion.dt), every, motion.dt)
+    dt = source_step(motion, model.system)
+    steps = fixed_steps(full_order_step(reduced, dt), every, dt)
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds, system)

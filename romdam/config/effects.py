@@ -38,6 +38,7 @@ EFFECTS = {
     "viscous boundary": EffectEntry("ground.viscous", has_viscous_boundary),
     "free field": EffectEntry("ground.input: free_field", lambda config: config.ground.input == "free_field"),
     "staged weight": EffectEntry("loads.weight: staged", lambda config: config.loads.weight == "staged"),
+    "force histories": EffectEntry("loads.force_history", lambda config: bool(config.loads.force_history)),
     "temperature": EffectEntry("loads.temperature", lambda config: bool(config.loads.temperature)),
     "water in joints": EffectEntry("loads.joint_water", lambda config: bool(config.loads.joint_water)),
     "grouting": EffectEntry(

@@ -30,6 +30,7 @@ class Motion(StrEnum):
     SUPPORTS = "acceleration of supports against the base"
     SUPPORTS_VELOCITY = "velocity of supports against the base"
     SUPPORTS_DISPLACEMENT = "displacement of supports against the base"
+    FORCES = "forces that vary in time"
     CHANNEL = "waves of a channel's sections"
     CHANNEL_RATE = "rate of the waves of a channel's sections"
     FREE_FIELD = "motion of a column of rock against its surface, and its rate times beta"
@@ -344,9 +345,33 @@ class MovingSupports:
     components: dict[str, Ints]
 
 
-def ground_rows(supports: int) -> dict[Motion, slice]:
-    """Rows of a run's ground motion: the base's three, then those of supports that move by themselves."""
+@dataclass(frozen=True)
+class ForceSignal:
+    """Size of a force that varies in time, straight between its rows.
+
+    Attributes
+    ----------
+    name : the key that asks for it, `loads.force_history[0]`
+    time : (n,) rising, from the start of the record [s]
+    force : (n,) along the direction of the force; of a pressure that times the area [N]
+    holds : whether the last value stays; else the force ends with its last row
+    """
+
+    name: str
+    time: Floats
+    force: Floats
+    holds: bool = False
+
+    def at(self, time: Floats) -> Floats:
+        """The force at some times; zero before its first row [N]."""
+        last = float(self.force[-1]) if self.holds else 0.0
+        return np.interp(time, self.time, self.force, left=0.0, right=last)
+
+
+def ground_rows(supports: int, forces: int = 0) -> dict[Motion, slice]:
+    """Rows of a run's ground motion: the base's three, those of supports that move by themselves, forces."""
     motions = Motion.SUPPORTS, Motion.SUPPORTS_VELOCITY, Motion.SUPPORTS_DISPLACEMENT
     n = 3 * supports
     after = {motion: slice(3 + k * n, 3 + (k + 1) * n) for k, motion in enumerate(motions)}
-    return {Motion.BASE: slice(0, 3)} | after
+    of_forces = {Motion.FORCES: slice(3 + 3 * n, 3 + 3 * n + forces)} if forces else {}
+    return {Motion.BASE: slice(0, 3)} | after | of_forces

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
-from romdam.core.motion import MovingSupports
+from romdam.core.motion import ForceSignal, MovingSupports
 from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
@@ -230,6 +230,15 @@ class PointForce:
 
 
 @dataclass(frozen=True)
+class ForceHistory:
+    """A force on a block that varies in time: nodal forces (n, 3) per newton [1], and its size."""
+
+    block: str
+    nodal: Floats
+    signal: ForceSignal
+
+
+@dataclass(frozen=True)
 class Probe:
     """A named node whose motion is written."""
 
@@ -399,6 +408,7 @@ class Scene:
     free_field : the waves that come up through the rock, see `romdam.effects.free_field`; None without
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     moving : supports that do not move as the base does; None where all do
+    force_histories : forces that vary in time
     remarks : what of the scene is odd and may not be meant, one sentence each
     """
 
@@ -419,6 +429,7 @@ class Scene:
     staged_weight: bool = False
     reservoir: Reservoir | None = None
     moving: MovingSupports | None = None
+    force_histories: tuple[ForceHistory, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property

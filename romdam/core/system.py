@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.motion import Motion, SupportMotion, ground_rows
+from romdam.core.motion import ForceSignal, Motion, SupportMotion, ground_rows
 from romdam.core.recorded import GapQuantities
 
 if TYPE_CHECKING:
@@ -342,6 +342,7 @@ class System:
     gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
     pseudo_static : what supports that do not move as the base does add to the displacement u, and so to jumps
         and what is observed; None without
+    signals : sizes of forces that vary in time, in the order of their columns of the load
     drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
         as a matrix would be full; None where C is all of it
     uplift : water in cracked joints that is in `force`; None where no joint's follows from its crack
@@ -366,6 +367,7 @@ class System:
     gyroscopic: bool = False
     pseudo_static: PseudoStatic | None = None
     drag: Floats | None = None
+    signals: tuple[ForceSignal, ...] = ()
     uplift: RestUplift | None = None
 
     @property
@@ -415,9 +417,18 @@ class System:
         """(k, nt) what the columns of the load follow where nothing drives the system besides."""
         return self.followed(self._ground_motions(ground))
 
+    def forces(self, ground: Floats) -> Floats:
+        """(k, nt) sizes of the forces that vary in time, of a run's ground motion [N]."""
+        return self._ground_motions(ground).get(Motion.FORCES, ground[:0])
+
+    def shaking(self, ground: Floats) -> Floats:
+        """(k, nt) the accelerations among what `inertial` gives: all but forces that vary in time."""
+        rows = self._ground_motions(ground)
+        return np.concatenate([rows[motion] for motion in self.motions if motion is not Motion.FORCES])
+
     def _ground_motions(self, ground: Floats) -> dict[Motion, Floats]:
         supports = 0 if self.pseudo_static is None else len(self.pseudo_static.motions)
-        return {motion: ground[rows] for motion, rows in ground_rows(supports).items()}
+        return {motion: ground[rows] for motion, rows in ground_rows(supports, len(self.signals)).items()}
 
     def loaded(self, more: Mapping[Motion, Floats | csr_matrix]) -> System:
         """The system with further loads, (n, k) each, added to those that follow the same motion."""
@@ -526,6 +537,7 @@ class History(GapQuantities):
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     gap : (ng,) initial gaps that it began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
+    forces : (nt, k) forces that vary in time, see `ForceSignal`; empty without any [N]
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
@@ -544,6 +556,7 @@ class History(GapQuantities):
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    forces: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
     final: FinalState | None = None
     every_step: StepMotion | None = None

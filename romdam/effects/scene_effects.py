@@ -8,6 +8,7 @@ from romdam.effects.added_mass import added_mass
 from romdam.effects.compressible_water import compressible_water
 from romdam.effects.damping import SolidDamping
 from romdam.effects.effect import Effect
+from romdam.effects.force_histories import force_histories
 from romdam.effects.free_field import incoming_waves
 from romdam.effects.moving_supports import moving_supports
 from romdam.effects.static_loads import static_loads
@@ -38,6 +39,7 @@ def scene_effects(
     """
     effects: list[Effect | None] = [
         static_loads(scene),
+        force_histories(scene),
         moving_supports(scene, directions, assembly, solving),
         added_mass(scene),
         SolidDamping(scene, damping),

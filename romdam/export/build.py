@@ -112,6 +112,7 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
             "let the rock be massless (mass: false) and hold its outer faces",
         ),
         "ground.input: free_field": (scene.free_field is not None, "leave it out"),
+        "loads.force_history": (bool(scene.force_histories), "leave it out"),
         "supports[].motion": (scene.moving is not None, "let all supports move as the base does"),
         "water.model: compressible or incompressible": (
             water is not None and (water.solved or water.sound is not None),

@@ -94,11 +94,11 @@ def write(
         where more drives the system than the base's acceleration, which no matrix says.
     WriteError
     """
-    if system.drives or system.pseudo_static is not None:
+    if system.drives or system.pseudo_static is not None or system.signals:
         raise ConfigError(
-            "export: waves in rock or water, or supports of their own motion, drive this system besides "
-            "the acceleration of its base, limit 0 such drives; leave out ground.input, water.model: "
-            "compressible and supports[].motion"
+            "export: waves in rock or water, supports of their own motion, or forces that vary in time drive "
+            "this system besides the acceleration of its base, limit 0 such drives; leave out ground.input, "
+            "water.model: compressible, supports[].motion and loads.force_history"
         )
     operators = gap_operators(scene, system.law.directions)
     written = [_write_system(system, folder / "system.h5")]

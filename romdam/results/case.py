@@ -100,6 +100,10 @@ class Case:
         """Tell whether supports move differently from the base."""
         return self.scene.moving is not None
 
+    def has_force_histories(self) -> bool:
+        """Tell whether forces vary in time."""
+        return bool(self.scene.force_histories)
+
     def has_stress(self) -> bool:
         """Tell whether stress was computed."""
         return self.stress is not None

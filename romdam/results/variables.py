@@ -168,6 +168,13 @@ COORDINATES: dict[str, Variable] = {
         _moving_supports,
         Case.has_moving_supports,
     ),
+    "force_history": Variable(
+        ("force_history",),
+        "",
+        "key of the force that varies in time",
+        lambda c: np.array([one.signal.name for one in c.scene.force_histories], dtype=str),
+        Case.has_force_histories,
+    ),
     "node_block": Variable(
         ("node",),
         "",
@@ -240,6 +247,13 @@ VARIABLES: dict[str, Variable] = {
         "m s-2",
         "ground acceleration of the base, as integrated",
         lambda case: case.history.ground,
+    ),
+    "applied_force": Variable(
+        ("time", "force_history"),
+        "N",
+        "force that varies in time, along its direction; of a pressure that times the area, into the block",
+        lambda c: c.history.forces,
+        Case.has_force_histories,
     ),
     "support_displacement": Variable(
         ("time", "support", "component"),

@@ -27,6 +27,7 @@ from romdam.geometry.gravity_dam import gravity_dam
 from romdam.geometry.matrices.block import held_by, refuse_unreached, with_matrices
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.sizes import refuse_large
+from romdam.scene.force_histories import build_force_histories
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
@@ -137,6 +138,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
         moving=moving_supports(config.supports, blocks, rigid, source),
+        force_histories=build_force_histories(config.loads.force_history, blocks, fixed, folder, source),
     )
     refuse_unreached(scene, supported, source)
     remarks = (

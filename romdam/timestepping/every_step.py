@@ -35,12 +35,14 @@ def thinned(history: History, dt: float, stride: int) -> History:
         whole = 1 + (count - 1) // stride * stride
         each = mean[1:whole].reshape(-1, stride, *mean.shape[1:]).mean(axis=1)
         kept["mean_traction"] = np.concatenate([mean[:1], each])
-    rows = {name: getattr(history, name)[::stride] for name in ("time", "disp", "vel", "acc", "ground")}
+    written = {
+        name: getattr(history, name)[::stride] for name in ("time", "disp", "vel", "acc", "ground", "forces")
+    }
     made = history.coordinates
     return replace(
         history,
         **kept,
-        **rows,
+        **written,
         supports=history.supports[::stride],
         energy={name: values[::stride] for name, values in history.energy.items()},
         coordinates=None if made is None else Coordinates(partial(_strided, made.make, stride)),

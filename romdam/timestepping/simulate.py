@@ -86,7 +86,10 @@ def simulate(
             final = history.final
             if final is not None:
                 final = replace(final, model=model_signature(system))
-            history = replace(history, stats=stats, gap=system.law.gap, ground=ground, final=final)
+            forces = system.forces(simulation.ground)[:, ::written].T
+            history = replace(
+                history, stats=stats, gap=system.law.gap, ground=ground, forces=forces, final=final
+            )
             if system.uplift is not None:
                 stats["uplift_iterations"] = float(system.uplift.iterations)
                 warnings = (*history.warnings, *system.uplift.warnings)
@@ -108,8 +111,9 @@ def refuse_other_start(start: FinalState, simulations: Sequence[Simulation]) -> 
     begins = "Settings.start"
     for prepared in dict.fromkeys(simulation.prepared for simulation in simulations):
         system, name = prepared.system, prepared.integrator.name
-        if system.needs_whole_record or system.pseudo_static is not None:
-            what = "moving supports" if system.pseudo_static is not None else "a free field"
+        if system.needs_whole_record or system.pseudo_static is not None or system.signals:
+            what = "a free field" if system.needs_whole_record else "moving supports"
+            what = "a force history" if system.signals else what
             raise ConfigError(
                 f"{begins}: what {what} did before is not in the state of a run, so no run begins from it; "
                 "run the records one after another with records[].after"

@@ -17,6 +17,7 @@ from romdam.core.motion import GroundMotion, SupportMotion
 from romdam.core.scene import Material
 from romdam.effects.full_order import assemble_full
 from romdam.fem.column import wave_moduli
+from romdam.records.processing.force_rows import add_force_rows
 from romdam.records.processing.integrate import displacement
 from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.mode_choice import ALL_MODES
@@ -50,6 +51,28 @@ KEYS = {
         "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
     },
     "staged weight": {"loads": {"weight": "staged"}},
+    "force histories": {
+        "loads": {
+            "force_history": [
+                {
+                    "table": str(Path(__file__).parent / "force.csv"),
+                    "unit": "MN",
+                    "block": "right",
+                    "at": [8, 0, 8],
+                    "direction": [-1, 1, 0.5],
+                    "start": "0.05 s",
+                },
+                {
+                    "table": str(Path(__file__).parent / "force.csv"),
+                    "unit": "kPa",
+                    "block": "left",
+                    "face": "xmin",
+                    "scale": 60.0,
+                    "after": "hold",
+                },
+            ]
+        }
+    },
     "temperature": {
         "loads": {
             "temperature": [
@@ -112,7 +135,8 @@ def shaking(scene, seconds=0.6):
     acc = np.stack(
         [a * window * np.sin(2 * np.pi * f * time) for a, f in ((6.0, 3.1), (8.0, 4.3), (3.0, 6.0))]
     )
-    return acc if scene.moving is None else add_support_rows(acc, DT, scene.moving.motions)
+    ground = acc if scene.moving is None else add_support_rows(acc, DT, scene.moving.motions)
+    return add_force_rows(ground, DT, [one.signal for one in scene.force_histories])
 
 
 def all_modes(K, M, *_):

@@ -55,6 +55,20 @@ _TWO: dict[str, Any] = {
         "gravity": [0, 0, -9.81],
         "pressure": [{"block": "left", "face": "ymin", "value": "1440 Pa"}],
         "force": [{"block": "left", "at": [0, -5, 20], "force": [0, 1000, 0], "tolerance": 1e-3}],
+        "force_history": [
+            {
+                "table": "force.csv",
+                "unit": "kN",
+                "block": "left",
+                "at": [0, -5, 20],
+                "tolerance": 1e-3,
+                "direction": [0, 1, 0],
+                "start": "0.1 s",
+                "scale": 2.0,
+                "after": "hold",
+            },
+            {"table": "force.csv", "unit": "kPa", "block": "left", "face": "ymin"},
+        ],
         "joint_water": [
             {
                 "joints": ["gap"],
@@ -374,6 +388,7 @@ def write_files(folder: Path) -> None:
     acc = np.gradient(np.gradient(shape))
     np.savetxt(folder / "pulse.txt", 5.0 * acc / np.abs(acc).max())
     (folder / "gaps.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0.001\n5,0,20,0.001\n")
+    (folder / "force.csv").write_text("time,force\n0,0\n0.1,2\n0.3,-1\n")
     (folder / "samples.csv").write_text("ratio\n0.05\n")
     months = "".join(f"{k},{z},5,{k}\n" for k in range(1, 13) for z in (-100, 200))
     (folder / "faces.csv").write_text(f"month,elevation,upstream,downstream\n{months}")
@@ -395,7 +410,8 @@ def _write_matrices(folder: Path) -> None:
     from romdam.export.matrices import write
     from romdam.scene.build import build_scene
 
-    config = parse_config(_TWO, "two.yaml")
+    at_rest = {key: load for key, load in _TWO["loads"].items() if key != "force_history"}
+    config = parse_config(_TWO | {"loads": at_rest}, "two.yaml")
     scene = build_scene(config, folder, "two.yaml")
     write(scene, assemble_full(scene, config.damping), None, config.damping, folder)
 

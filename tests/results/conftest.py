@@ -12,9 +12,10 @@ from romdam import open_result
 from romdam.config import load_config
 from romdam.config.load import Job
 from romdam.core.basis import BlockBasis
-from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
+from romdam.core.motion import ForceSignal, GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
     Block,
+    ForceHistory,
     Joint,
     Material,
     Probe,
@@ -91,6 +92,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
         integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
+        forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
     )  # fmt: skip
 
@@ -126,7 +128,21 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     moving = MovingSupports(
         (SupportMotion(0, delay=0.1),), {name: np.zeros((8, 3), dtype=int) - 1 for name in blocks}
     )
-    scene = Scene(blocks, found, fixed, (), (), np.zeros(3), probes, make_sites(), moving=moving)
+    push = ForceHistory(
+        "left", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.arange(2.0), np.ones(2))
+    )
+    scene = Scene(
+        blocks,
+        found,
+        fixed,
+        (),
+        (),
+        np.zeros(3),
+        probes,
+        make_sites(),
+        moving=moving,
+        force_histories=(push,),
+    )
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)
     motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.sparse import eye
 
-from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
+from romdam.core.motion import ForceSignal, GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
     Block,
+    ForceHistory,
     Joint,
     Material,
     Probe,
@@ -142,7 +143,11 @@ def make_scene():
     moving = MovingSupports((SupportMotion(3, delay=0.1),), {name: -np.ones((8, 3), int) for name in blocks})
     held = {name: np.zeros((8, 3), bool) for name in blocks}
     probes = (Probe("crest", "high", 5), Probe("foot", "low", 6))
-    return Scene(blocks, joints, held, (), (), np.zeros(3), probes, sites, moving=moving)
+    push = ForceHistory(
+        "low", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.ones(2), np.ones(2))
+    )
+    rest = {"moving": moving, "force_histories": (push,)}
+    return Scene(blocks, joints, held, (), (), np.zeros(3), probes, sites, **rest)
 
 
 def rows_of(factor, values):
@@ -180,6 +185,7 @@ def make_history():
         coordinates=Coordinates.of(rows_of(MOVED, [3, 7]), rows_of(MOVED, [5, 11])), energy=energy,
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
+        forces=rows_of(LOAD, [6e3]),
         uplift=uplift,
     )  # fmt: skip
 
@@ -226,6 +232,7 @@ EXPECTED_COORDINATES = {
     "initial_gap": (WHOLE, [2e-3, 3e-3, 0, 1e-3, 0]),
     "grouted_gap": (WHOLE, [1e-3, 3e-3, 0, 1e-3, 0]),
     "support": (WHOLE, ["supports[3]"]),
+    "force_history": (WHOLE, ["loads.force_history[0]"]),
     "node_block": (WHOLE, ["high", "low"]),
     "node_position": (WHOLE, [[2, 3, 6], [2, 3, 5]]),
     "floor_place": (WHOLE, ["gate"]),
@@ -290,6 +297,7 @@ EXPECTED_OF_MOTION = {
     "displacement": (2, MM * np.array([[-3, 6, -9], [-1.5, 3, -12]])),
     "velocity": (2, [[-30, 60, -90], [-15, 30, -120]]),
     "acceleration": (2, [[-600, 1200, -1800], [-300, 600, -2400]]),
+    "applied_force": (3, [24e3]),
     "ground_acceleration": (3, [0.8, 1.2, 2.0]),
     "support_displacement": (3, [[28, 32, 36]]),
     **{f"energy_{term}": (slice(3, 6), number * np.array([4, 2, 2.5])) for term, number in TERMS.items()},

@@ -347,6 +347,8 @@ class Config(Model):
                 self._known(f"loads.temperature[{i}].blocks", block_name, blocks)
         for i, force in enumerate(self.loads.force):
             self._known(f"loads.force[{i}].block", force.block, blocks)
+        for i, history in enumerate(self.loads.force_history):
+            self._known(f"loads.force_history[{i}].block", history.block, blocks)
         for name, node in self.outputs.nodes.items():
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         self._refuse_floors_without_nodes()

@@ -5,23 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import (
     Acceleration,
     Density,
     Diffusivity,
+    Dimensionless,
     Force,
     Length,
     Pressure,
     Temperature,
     TemperatureChange,
     TemperatureUnit,
+    Time,
     Whole,
+    to_si,
 )
 from romdam.config.sections.joint_water import JointWaterConfig
-from romdam.config.sections.places import BlockFace, FaceRef, LengthUnit, Tolerance, Vector
+from romdam.config.sections.places import BlockFace, Direction, FaceRef, LengthUnit, Tolerance, Vector
 from romdam.core.errors import quote
 
 Positive = Field(gt=0.0)
@@ -49,6 +52,66 @@ class ForceConfig(Model):
     """Force along x, y and z."""
     tolerance: Tolerance = 1e-3
     """Distance up to which the nearest node counts."""
+
+
+def _force_unit(value: str) -> str:
+    for unit in ("N", "Pa"):
+        try:
+            size = to_si(f"1 {value}", unit)
+        except ValueError:
+            continue
+        if size > 0.0:
+            return value
+    raise ValueError(f"must be a unit of force such as kN, or of pressure such as kPa, got {quote(value)}")
+
+
+ForceUnit = Annotated[str, AfterValidator(_force_unit)]
+
+
+class ForceHistoryConfig(Model):
+    """A force on a node or a face that varies in time, by a table; it acts with each record.
+
+    On the node nearest to `at` along `direction`; on a `face` along `direction` evenly over its area, or
+    without a direction as a pressure into the block. Between its rows it is straight, and before the first
+    it is zero. The scale of a record, or of a suite, leaves it as it is.
+    """
+
+    table: Path
+    """CSV file with columns time (s) and force."""
+    unit: ForceUnit
+    """Unit of the column force: of a force, or of a pressure on a face without direction."""
+    block: str
+    """A name of `blocks`."""
+    at: Vector | None = None
+    """Position of the node."""
+    tolerance: Tolerance = 1e-3
+    """Distance up to which the nearest node counts."""
+    face: FaceRef | None = None
+    """Name of a face of the block, or a plane."""
+    direction: Direction | None = None
+    """Direction of the force; its length does not count."""
+    start: Annotated[Time, Field(ge=0.0)] = 0.0
+    """Time of the record at which the table's zero is."""
+    scale: Dimensionless = 1.0
+    """Factor on the force."""
+    after: Literal["zero", "hold"] = "zero"
+    """Force after the table's last row: none, or its value."""
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.at is None) == (self.face is None):
+            raise ValueError("give exactly one of `at`, a node, and `face`")
+        if self.at is not None and self.direction is None:
+            raise ValueError("`direction` of the force at a node is missing, such as [0, 1, 0]")
+        if self.direction is not None and not any(self.direction):
+            raise ValueError("`direction` must not be zero, got [0, 0, 0]")
+        wanted = "Pa" if self.direction is None else "N"
+        try:
+            to_si(f"1 {self.unit}", wanted)
+        except ValueError:
+            said = "pressure, as the face has no `direction`" if wanted == "Pa" else "force"
+            raise ValueError(f"`unit` must be one of {said}, got {quote(self.unit)}") from None
+        return self
 
 
 class HydrostaticConfig(Model):
@@ -191,6 +254,7 @@ class LoadsConfig(Model):
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
+    force_history: tuple[ForceHistoryConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
     initial_state: Literal["static", "undeformed"] = "static"
     """State that a run starts from: equilibrium of the static loads, or no displacement at all."""

@@ -175,6 +175,11 @@ def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
     pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
     pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
     pairs += [("loads.force", np.array([force.node])) for force in scene.forces if force.block == name]
+    pairs += [
+        (one.signal.name, np.flatnonzero(one.nodal.any(axis=1)))
+        for one in scene.force_histories
+        if one.block == name
+    ]
     if scene.reservoir is not None:
         pairs += [("water", face.facets.ravel()) for face in scene.reservoir.faces if face.block == name]
     actions = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]

@@ -59,6 +59,12 @@ class Conserving(ModalIntegrator):
                 "transient.integrator: conserving knows one motion of the base, and a support has a motion "
                 "of its own; give damping, or take adaptive, modal or generalized_alpha"
             )
+        if system.signals:
+            raise ConfigError(
+                f"transient.integrator: conserving knows the motion of the base alone, and "
+                f"{system.signals[0].name} is a force that varies in time; give damping, or take adaptive, "
+                "modal or generalized_alpha"
+            )
         super().supports(system)
 
     def compared(self, history: History) -> Floats:

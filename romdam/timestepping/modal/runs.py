@@ -17,6 +17,8 @@ from romdam.contact.strength import shear_strength
 from romdam.core.arrays import Floats, Ints, at, put, rows_like, stacked
 from romdam.core.errors import ConvergenceError
 from romdam.core.final_state import FinalState
+from romdam.core.motion import Motion
+from romdam.core.system import System
 from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES
 from romdam.timestepping.equilibrium import GapState, ended_gaps, initial_state, resumed, take_over
@@ -51,6 +53,7 @@ from romdam.timestepping.support_motion import add_carried_jumps
 if TYPE_CHECKING:
     from romdam.timestepping.modal.integrator import ModalIntegrator
 
+_HELD = 1e-9  # of the largest stiffness: what has less moves freely
 _STEPS = 400  # of every run between two reports of progress
 
 
@@ -164,7 +167,9 @@ def _arrays(
         shear_impulse=settings.shear_share * integrator.shear_change * velocity,
         clock=np.zeros(len(batch), CLOCK),
         failed=np.zeros(len(batch), dtype=np.bool_),
-        acc=np.ascontiguousarray(np.concatenate([ground[active] for _, ground in batch], axis=1)),
+        acc=np.ascontiguousarray(
+            np.concatenate([one.system.inertial(ground)[active] for one, ground in batch], axis=1)
+        ),
         supports=np.ascontiguousarray(np.concatenate(supports, axis=1)),
         memory=memory,
         solver=solver_state(n, n != N, (len(batch), len(levels.size))),
@@ -260,12 +265,31 @@ def _ground_velocity(simulation: Simulation, step: float, before: FinalState | N
     longer changes the error, with a tenth of the joints' stiffness 0.3 %; without that limit it stays above
     1 % at any step.
     """
-    acc = simulation.prepared.system.inertial(simulation.ground)
+    system = simulation.prepared.system
+    acc = system.shaking(simulation.ground)
     first = np.zeros(len(acc) + 1) if before is None else before.arrays["ground_velocity"]
     velocity = first[:-1, None] + np.cumsum(acc, axis=1) * step
     peak = float(np.linalg.norm(velocity, axis=0).max(initial=first[-1]))
     end = first[:-1] + acc.sum(axis=1) * step
-    return np.array([*end, peak])
+    return np.array([*end, max(peak, _velocity_by_forces(system, simulation.ground, step))])
+
+
+def _velocity_by_forces(system: System, ground: Floats, step: float) -> float:
+    """Velocity that all of the mass would have with the energy of forces that vary in time [m/s].
+
+    That is the energy of their static answer, of each force at its largest, and what they give to motions
+    that no stiffness holds.
+    """
+    forces = system.forces(ground)
+    if not len(forces):
+        return 0.0
+    k, columns = system.K.diagonal(), np.asarray(system.load[:, system.motions[Motion.FORCES]])
+    mass = float((np.asarray(system.load[:, system.motions[Motion.BASE]]) ** 2).sum(axis=0).max())
+    held = k > _HELD * k.max(initial=0.0)
+    answer = columns[held] / np.sqrt(k[held])[:, None] * np.abs(forces).max(axis=1)
+    impulse = columns[~held] @ (np.cumsum(forces, axis=1) * step)
+    energy = float((answer**2).sum()) + float((impulse**2).sum(axis=0).max(initial=0.0))
+    return float(np.sqrt(energy / mass)) if mass > 0.0 else 0.0
 
 
 def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
