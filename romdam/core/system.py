@@ -110,6 +110,10 @@ class CrackedUplift(Protocol):
         """(n,) tips on the lines through the gaps [m]."""
         ...
 
+    def in_crack(self, tips: Floats) -> Bools:
+        """(n,) gaps between the heel and the tip."""
+        ...
+
     def force(self, tips: Floats) -> Floats:
         """(n,) force of the water in the gaps for tips (lines,) [N]."""
         ...

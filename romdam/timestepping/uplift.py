@@ -19,7 +19,7 @@ from romdam.contact.components import NORMAL
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.contact.problem import every_law, law_memory
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import OPEN, GapLaw, LawSource, RestUplift, System
 from romdam.timestepping.equilibrium import GapState, ProximalStep, static_equilibrium
@@ -89,6 +89,12 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
         if uplift.redrawn:
             crack[law.joints[name]] = uplift.at_gaps(tips[name])
             warnings += _through(name, tips[name], uplift.length)
+            apart = int((_opened(gaps)[law.joints[name]] & ~uplift.in_crack(tips[name])).sum())
+            if apart:
+                warnings.append(
+                    f"joint {name} is open at rest at {apart} gaps that no crack joins to its heel; the "
+                    "uplift there stays, which is unsafe if water gets in from the toe or a side"
+                )
     return replace(
         loaded,
         law=replace(_law_while_shaken(law, gaps, tips), uplift={}),
@@ -105,13 +111,17 @@ def _added(law: GapLaw, tips: Tips, closed: Tips) -> Floats:
     return added
 
 
+def _opened(gaps: GapState) -> Bools:
+    """(ng,) gaps that are open; one that has merely lost its load is not."""
+    return np.asarray((gaps.state == OPEN) & (gaps.jump[:, NORMAL] > 0.0))
+
+
 def _read_tips(law: GapLaw, gaps: GapState) -> Tips:
     """Tips of the cracks in an equilibrium; zero in joints whose uplift is not redrawn."""
     tips = {}
     for name, uplift in law.uplift.items():
         of_joint = law.joints[name]
-        opening = gaps.jump[of_joint, NORMAL]
-        is_open = (gaps.state[of_joint] == OPEN) & (opening > 0.0)
+        opening, is_open = gaps.jump[of_joint, NORMAL], _opened(gaps)[of_joint]
         found = uplift.tips(opening, is_open, np.isinf(law.K_n[of_joint]))
         tips[name] = found if uplift.redrawn else np.zeros_like(found)
     return tips
@@ -135,7 +145,7 @@ def _extrapolated(law: GapLaw, tips: Tips, moves: list[Tips]) -> Tips:
 def _law_while_shaken(law: GapLaw, gaps: GapState, tips: Tips) -> GapLaw:
     """The gaps' law with the water that enters or leaves what is closed at rest and opens later."""
     source = source_of(CrackWater)
-    closed = ~((gaps.state == OPEN) & (gaps.jump[:, NORMAL] > 0.0))
+    closed = ~_opened(gaps)
     laws = list(law.laws)
     for k, rows in enumerate(laws):
         if rows.law != source:

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from romdam.config import parse_config
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.scene import PointForce
 from romdam.effects.full_order import assemble_full
 from romdam.reduction.synthesis import reduce_scene
@@ -285,3 +285,36 @@ def test_a_turned_model_has_the_same_crack(axis):
     order = 1 if np.isclose(turned.uplift.across @ [-1, 1], joint.uplift.across @ [-1, 1]) else -1
     tips = np.array([2.3, 4.7])
     assert turned.uplift.force(tips[::order]) == pytest.approx(joint.uplift.force(tips), rel=1e-9)
+
+
+def test_gaps_that_are_open_apart_from_the_heel_keep_the_diagram():
+    """A force on the crest, upstream, opens the toe: no water of the reservoir gets there."""
+    scene, config = scene_of({"crack": "redrawn"})
+    points = scene.blocks["dam"].points
+    crest = np.flatnonzero((points[:, 1] == 0.0) & (points[:, 2] == HEIGHT))
+    forces = tuple(PointForce("dam", int(node), np.array([0.0, -3.5e5, 0.0])) for node in crest)
+    system, gaps = at_rest(replace(scene, forces=forces), config)
+    y, opened = scene.joints["base"].position[:, 1], gaps.state == 0
+    assert opened.any() and y[opened].min() > 5.0
+    assert (system.uplift.crack == 0.0).all() and (system.uplift.added == 0.0).all()
+    (said,) = system.uplift.warnings
+    assert f"open at rest at {opened.sum()} gaps that no crack joins to its heel" in said
+
+
+def test_a_base_that_is_cracked_through():
+    """Held by a bearing at its toe, the block stands on nothing: the level's pressure everywhere."""
+    scene, config = scene_of({"crack": "redrawn"}, rho=100.0)
+    held = scene.fixed["dam"].copy()
+    held[scene.blocks["dam"].points[:, 1] == LENGTH] = True
+    system, gaps = at_rest(replace(scene, fixed=scene.fixed | {"dam": held}), config)
+    joint = scene.joints["base"]
+    assert (system.uplift.crack == LENGTH).all() and (gaps.state == 0).all()
+    assert joint.water + system.uplift.added == pytest.approx(GAMMA * LEVEL * joint.area, rel=1e-9)
+    assert "joint base is cracked through at rest: the whole base there" in system.uplift.warnings[0]
+
+
+def test_a_direction_across_the_sides_of_the_joint_is_refused():
+    with pytest.raises(
+        ConfigError, match=r"joint_water\[0\].downstream: lines .* begin at its side, not at its heel"
+    ):
+        scene_of({"crack": "redrawn", "downstream": [0.1, 1, 0]})

@@ -72,7 +72,7 @@ def with_water(
     wet = replace(joint, water=pressure * joint.area)
     if water.needs_rest:
         assert outline is not None and joint.face is not None
-        wet = replace(wet, uplift=CrackedBase.of(joint, water, points, diagram))
+        wet = replace(wet, uplift=CrackedBase.of(joint, water, points, diagram, location))
         if water.earthquake in ("zero", "full"):  # which gaps are open at rest is known then
             rows = LawRows(source_of(CrackWater), np.zeros((len(pressure), 1)), pressure > 0.0, shear=False)
             wet = replace(wet, laws=(*joint.laws, rows))

@@ -15,12 +15,14 @@ from scipy.sparse import csr_matrix
 
 from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.errors import ConfigError
 from romdam.core.scene import Joint, JointFace
 from romdam.scene.joint_water.diagram import Diagram, Outline, mean_pressure
 
 _SAME_LINE = 1e-6  # of the joint's width: gaps that stand on one line from heel to toe
 _FEWEST = 3  # gaps on a line, on average, below which lines are strips of an unstructured face
 _STRIP = 2.0  # widths of a gap: that of such a strip
+_APART = 0.5  # of a line's length: heels of one line that are no heel any more, but a side of the joint
 
 
 @dataclass(frozen=True)
@@ -54,13 +56,21 @@ class CrackedBase:
     length: Floats
 
     @classmethod
-    def of(cls, joint: Joint, water: JointWaterConfig, points: Floats, diagram: Diagram) -> Self:
+    def of(
+        cls, joint: Joint, water: JointWaterConfig, points: Floats, diagram: Diagram, location: str
+    ) -> Self:
         """Find the lines of a joint from the heel to the toe.
 
         Parameters
         ----------
         points : (nodes, 3) of the face's block [m]
         diagram : of the closed joint
+        location : of the entry in the configuration, for messages
+
+        Raises
+        ------
+        ConfigError
+            where lines beside each other begin far apart: at a side of the joint, not at its heel.
         """
         outline = diagram.outline
         assert outline is not None and joint.face is not None
@@ -69,6 +79,20 @@ class CrackedBase:
         across = at @ outline.across
         line = _lines(across, joint.area)
         count = np.bincount(line)
+        mean = np.bincount(line, toe - heel) / count
+        first, last = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+        np.minimum.at(first, line, heel)
+        np.maximum.at(last, line, heel)
+        worst = int(np.argmax((last - first) / mean))
+        if last[worst] - first[worst] > _APART * mean[worst]:
+            where = ", ".join(f"{x:.6g}" for x in at[line == worst].mean(axis=0))
+            raise ConfigError(
+                f"{location}.downstream: lines in the direction {list(water.downstream or ())} through joint "
+                f"{joint.name!r} begin at its side, not at its heel: near ({where}) those beside each other "
+                f"begin {last[worst] - first[worst]:.4g} m apart, and are {mean[worst]:.4g} m long (limit "
+                f"{_APART:g} of that), so no crack can be followed from the heel; give the direction of the "
+                "joint's sides, and joints that differ in it an entry of their own"
+            )
         return cls(
             water=water.model_dump(),
             weight=diagram.weight,
@@ -81,7 +105,7 @@ class CrackedBase:
             line=line,
             distance=at @ outline.downstream - heel,
             across=np.bincount(line, across) / count,
-            length=np.bincount(line, toe - heel) / count,
+            length=mean,
         )
 
     @property
@@ -127,6 +151,10 @@ class CrackedBase:
     def at_gaps(self, tips: Floats) -> Floats:
         """(n,) tips on the lines through the gaps [m]."""
         return np.asarray(tips[self.line])
+
+    def in_crack(self, tips: Floats) -> Bools:
+        """(n,) gaps between the heel and the tip."""
+        return np.asarray(self.distance <= tips[self.line])
 
     def force(self, tips: Floats) -> Floats:
         """(n,) force of the water in the gaps for tips (lines,) [N]."""
