@@ -72,7 +72,7 @@ def with_stress(model: Model) -> Model:
 
 def run_of(model: Model, history: History, stress: StressSummary | None) -> MeshRun:
     """A run, as runs on other meshes are compared with it; `history` and `stress` as of `stress_of`."""
-    spectra = node_spectra(history.acc, history.ground, history.time)
+    spectra = node_spectra(history, len(model.scene.probes))
     return mesh_run(model.scene, history, model.system.law.joints, spectra, stress)
 
 

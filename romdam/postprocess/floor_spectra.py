@@ -21,6 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.system import StepMotion
@@ -121,13 +122,34 @@ def absolute_acceleration(motion: StepMotion, columns: Ints) -> Floats:
     -------
     (SUBSTEPS (nt - 1) + 1, n)
     """
-    from scipy.interpolate import CubicSpline  # loads much that most jobs do not need
+    slopes = _spline_slopes(motion.vel[:, columns], motion.acc[[0, -1]][:, columns], motion.dt)
+    rise = np.diff(motion.vel[:, columns], axis=0) / motion.dt
+    steps, ground = len(rise), motion.ground[:, columns % 3]
+    absolute = np.empty((steps, SUBSTEPS, len(columns)))
+    for k in range(SUBSTEPS):  # the derivative of the cubic, at a share of each step
+        x = k / SUBSTEPS
+        relative = 6.0 * x * (1.0 - x) * rise
+        relative += (1.0 - x) * (1.0 - 3.0 * x) * slopes[:-1] + x * (3.0 * x - 2.0) * slopes[1:]
+        absolute[:, k] = relative + (1.0 - x) * ground[:-1] + x * ground[1:]
+    return np.vstack([absolute.reshape(-1, len(columns)), slopes[-1] + ground[-1]])
 
-    time, acc = motion.dt * np.arange(len(motion.vel)), motion.acc[:, columns]
-    fine = motion.dt / SUBSTEPS * np.arange(SUBSTEPS * (len(time) - 1) + 1)
-    spline = CubicSpline(time, motion.vel[:, columns], bc_type=((1, acc[0]), (1, acc[-1])))
-    base = np.array([np.interp(fine, time, motion.ground[:, c]) for c in range(3)]).T
-    return np.asarray(spline(fine, 1) + base[:, columns % 3])
+
+def _spline_slopes(values: Floats, ends: Floats, h: float) -> Floats:
+    """Slopes (nt, n) of cubic splines through values (nt, n) at steps h, those at the ends (2, n) as given.
+
+    Their second derivatives are continuous: m[i-1] + 4 m[i] + m[i+1] = 3 (v[i+1] - v[i-1]) / h.
+    """
+    slopes = np.empty_like(values)
+    slopes[0], slopes[-1] = ends
+    count = len(values) - 2
+    if count > 0:
+        right = 3.0 * (values[2:] - values[:-2]) / h
+        right[0] -= slopes[0]
+        right[-1] -= slopes[-1]
+        bands = np.ones((3, count))
+        bands[1] = 4.0
+        slopes[1:-1] = solve_banded((1, 1), bands, right)
+    return slopes
 
 
 def relative_difference(ordinates: Floats, better: Floats) -> Floats:
