@@ -40,6 +40,7 @@ from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import initial_state
+from romdam.timestepping.simulate import refuse_other_start
 
 _CLOSED = 5  # frequencies with closed joints that are told
 _LIBRARIES = 250e6  # bytes of memory that they take
@@ -178,7 +179,9 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         refuse_large(job, [(model.prepared, motion, settings)], duration)
     with clock.stage("rest", "equilibrium at rest"), placed(job.path):
         model.prepared.integrator.supports(model.system)
-        if model.reduced is not None:
+        if model.prepared.goes_on_from is not None:
+            refuse_other_start(model.prepared.goes_on_from, [model.prepared])
+        elif model.reduced is not None:
             initial_state(model.prepared, settings)
     each = max(1, runs // len(motions))
     total, system, scene = sum(steps.values()) * each, model.system, model.scene
@@ -250,7 +253,7 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
     yield "whether every time step converges and the energy ledger closes"
     if not timed:
         yield "the time of a run: a short part of the strongest record, from rest, fails; the log says how"
-    if job.config.loads.initial_state == "static" and model.reduced is None:
+    if job.config.loads.begins == "static" and model.reduced is None:
         yield "static equilibrium before the earthquake"
     if model.finer is not None:
         yield "the error of leaving out modes, which a run estimates"

@@ -97,7 +97,7 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
                 }
                 scene = replace(scene, joints=joints)
         title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
-        static = config.loads.initial_state == "static"
+        static = config.loads.begins == "static"
         deck = build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))

@@ -529,7 +529,7 @@ def run_motion(
         concerns += accuracy_warnings(dataset.attrs, accuracy, total)
         dataset.attrs["run_warnings"] = json.dumps(concerns)
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)
-        write_dataset(dataset, path)
+        write_dataset(dataset, path, history.final)
     for concern in concerns:
         log.warning("%s: %s", motion.name, concern)
     return FinishedRun(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))

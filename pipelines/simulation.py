@@ -22,6 +22,7 @@ from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.synthesis import ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.grouting import grouted
+from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.prepared import Prepared
@@ -74,7 +75,11 @@ def prepare(
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
     prepared_before = {} if like is None else like.symmetries
-    ready = with_uplift_at_rest(grouted(system, transient.tolerance), transient.tolerance)
+    ready = grouted(system, transient.tolerance)
+    if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows
+        ready = with_uplift_at_rest(with_joint_state(ready), transient.tolerance)
+    else:
+        ready = with_joint_state(with_uplift_at_rest(ready, transient.tolerance))
     return Prepared(ready, integrator_class(name).configured(transient), symmetries=prepared_before)
 
 
@@ -102,7 +107,10 @@ def simulate_motions(
     ConfigError
         where the integrator does not suit the scene, and for runs too large.
     """
-    settings = [settings_for(job, *case) for case in zip(prepared, motions, strict=True)]
+    settings = [
+        replace(settings_for(job, ready, motion), start=ready.goes_on_from)
+        for ready, motion in zip(prepared, motions, strict=True)
+    ]
     refuse_large(job, list(zip(prepared, motions, settings, strict=True)), duration)
     accuracy, asked_step = job.config.transient.step_accuracy, job.config.transient.finest_step
     for finest in sorted({run_settings.steps.finest for run_settings in settings}):
@@ -205,7 +213,7 @@ def settings_for(
     return Settings(
         steps=steps,
         tolerance=transient.tolerance,
-        initial_state=job.config.loads.initial_state,
+        initial_state=job.config.loads.begins,
         every_step=job.config.outputs.floor_spectra is not None,
     )
 

@@ -270,7 +270,7 @@ def _replayed(
     assert model.reduced is not None
     basis = mesh_basis(model.scene, model.reduced)
     embed = embedding(model.scene, model.reduced, fine)
-    static = job.config.loads.initial_state == "static"
+    static = job.config.loads.begins == "static"
     mesh, coarse, finer = replayed_models(run, (full.system, model.system, fine.system), basis, embed, static)
     return replace(mesh, factor=full.factor), coarse, finer
 

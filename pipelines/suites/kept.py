@@ -67,7 +67,7 @@ def write_kept(suite: Suite, run: Run, case: Case, estimate: ErrorStatement | No
     if isinstance(keep, KeepConfig) and keep.precision == "single":
         dataset = single_precision(dataset)
     path = suite.folder / file_name(run)
-    write_dataset(dataset, path)
+    write_dataset(dataset, path, case.history.final if keep == "full" else None)
     return Kept(path.name, file_digest(path), fingerprint(labels), suite.files)
 
 

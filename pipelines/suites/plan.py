@@ -216,7 +216,7 @@ def _model_key(job: Job, scene: Scene) -> str:
     asked = {
         "model": config.model.model_dump_json(),
         "transient": config.transient.model_dump_json(),
-        "initial": config.loads.initial_state,
+        "initial": config.loads.begins,
         "outputs": config.outputs.model_dump_json(include=parts),
         "keep": "" if suite is None else str(suite.keep),
         "directions": gap_law(scene).directions,

@@ -1,16 +1,21 @@
-"""The state in which a run ends: all that integrators go on from, and what tells its model from others."""
+"""The state in which a run ends: all that integrators go on from, and what tells its model from others.
+
+Another run begins with all of it in the same model, or at rest with what the joints remember in any model
+that has the same joints.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.core.arrays import Bools
 from romdam.core.recorded import Expansion
-from romdam.core.system import GapLaw, System
+from romdam.core.system import GapLaw, LawSource, System
 
 # how the value of a gap follows from that of the merged gap that stands for it; "modes": of the unknowns;
 # None: of the run, or of gaps that are never merged
@@ -44,13 +49,43 @@ class FinalState:
     Attributes
     ----------
     arrays : by the names of `STATE_QUANTITIES`, those that the integrator has
-    model : of the system, see `model_signature`
     integrator : its name
+    model : of the system, see `model_signature`
+    laws : key of each row of "memory", see `law_key` -> (ng,) which gaps have that law
+    source : key and file that messages about the state begin with
     """
 
     arrays: Mapping[str, NDArray[Any]]
     integrator: str
-    model: Mapping[str, NDArray[Any]]
+    model: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    laws: Mapping[str, Bools] = field(default_factory=dict)
+    source: str = "Settings.start"
+
+
+@dataclass(frozen=True, eq=False)
+class InitialState:
+    """The state of another run that the runs of a scene begin with.
+
+    Attributes
+    ----------
+    final : its gaps are those of the scene, in the scene's order
+    take : "all", in the same model; or "joints": what these remember, in equilibrium under the static loads
+    moves : whether that run ended in motion
+    """
+
+    final: FinalState
+    take: Literal["all", "joints"]
+    moves: bool
+
+    @property
+    def going_on(self) -> FinalState | None:
+        """The state that runs go on from; None where they begin at rest."""
+        return self.final if self.take == "all" else None
+
+
+def law_key(law: LawSource) -> str:
+    """What tells a law from others: its name, and for a user's what its file does."""
+    return f"{law.name} {law.sha256}".strip()
 
 
 def model_signature(system: System) -> dict[str, NDArray[Any]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -11,6 +11,9 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.motion import ForceSignal, MovingSupports
 from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
+
+if TYPE_CHECKING:
+    from romdam.core.final_state import InitialState
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 
@@ -409,6 +412,7 @@ class Scene:
     staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
     moving : supports that do not move as the base does; None where all do
     force_histories : forces that vary in time
+    initial : state of another run that runs begin with; None without
     remarks : what of the scene is odd and may not be meant, one sentence each
     """
 
@@ -430,6 +434,7 @@ class Scene:
     reservoir: Reservoir | None = None
     moving: MovingSupports | None = None
     force_histories: tuple[ForceHistory, ...] = ()
+    initial: InitialState | None = None
     remarks: tuple[str, ...] = ()
 
     @property

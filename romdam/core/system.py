@@ -18,7 +18,7 @@ from romdam.core.motion import ForceSignal, Motion, SupportMotion, ground_rows
 from romdam.core.recorded import GapQuantities
 
 if TYPE_CHECKING:
-    from romdam.core.final_state import FinalState
+    from romdam.core.final_state import FinalState, InitialState
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
@@ -350,6 +350,7 @@ class System:
     drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
         as a matrix would be full; None where C is all of it
     uplift : water in cracked joints that is in `force`; None where no joint's follows from its crack
+    initial : state of another run that runs begin with; None where they begin as `Settings` say
     """
 
     M: csr_matrix
@@ -373,6 +374,7 @@ class System:
     drag: Floats | None = None
     signals: tuple[ForceSignal, ...] = ()
     uplift: RestUplift | None = None
+    initial: InitialState | None = None
 
     @property
     def size(self) -> int:

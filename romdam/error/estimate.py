@@ -183,17 +183,19 @@ def run_window(
     """Run the finer model, from the run's own state, over some rows of `history`: its jumps.
 
     From the first row on it begins as the run did, in its own equilibrium: in the run's it would lack what
-    its further modes carry at rest, and swing.
+    its further modes carry at rest, and swing. A run that goes on in motion has no equilibrium to begin with.
 
     Parameters
     ----------
     history, ground, settings : see `estimate_error`
     """
     first, last, stride, start = rows.start, rows.stop - 1, settings.steps.stride, None
-    if first > 0:
+    initial = finer.prepared.system.initial
+    goes_on = initial is not None and initial.take == "all" and initial.moves
+    if first > 0 or (goes_on and finer.prepared.integrator.resumes):
         static, law = settings.initial_state == "static", finer.prepared.system.law
-        initial = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
-        start = replace(initial, q=finer.embed @ initial.q, v=finer.embed @ initial.v)
+        begun = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
+        start = replace(begun, q=finer.embed @ begun.q, v=finer.embed @ begun.v)
     shaken = ground[:, first * stride : last * stride + 1]
     only = replace(settings, start=start, only_jumps=True)
     return simulate_one(finer.prepared, shaken, only)

@@ -175,6 +175,7 @@ def _reduced_scene(
             floating=bool((omega2 == 0.0).any()),
             reduced=True,
             at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
+            initial=scene.initial,
         )
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
         coordinates: Coordinates = ModalCoordinates(basis, system.size, choice.finer)

@@ -22,6 +22,7 @@ import romdam
 from romdam.config.load import Job
 from romdam.config.plausible import check_assumptions
 from romdam.core.errors import ResultError
+from romdam.core.final_state import FinalState
 from romdam.core.fingerprint import code_digest, scene_digest
 from romdam.core.motion import AXES, GroundMotion
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
@@ -31,6 +32,7 @@ from romdam.postprocess.record_measures import analysed
 from romdam.postprocess.run_warnings import crack_warnings, run_warnings, unrest_warnings
 from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.checking import check_run
+from romdam.results.final_state import write_final_state
 from romdam.results.renamed import with_names_of_now
 from romdam.results.sliding import sliding_warnings
 from romdam.results.stress.faces import of_faces, peak_shares
@@ -197,8 +199,12 @@ def _encoding(name: str, variable: xr.Variable, is_coordinate: bool) -> dict[str
     return encoding | chunks | (COMPRESSION if worth else {})
 
 
-def write_dataset(dataset: xr.Dataset, path: Path) -> None:
+def write_dataset(dataset: xr.Dataset, path: Path, final: FinalState | None = None) -> None:
     """Write a NetCDF-4 file whole or not at all.
+
+    Parameters
+    ----------
+    final : state in which the run ended, from which another can begin
 
     Raises
     ------
@@ -219,6 +225,8 @@ def write_dataset(dataset: xr.Dataset, path: Path) -> None:
     with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
         labelled = dataset.drop_encoding().assign_attrs(labels)
         labelled.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+        if final is not None:
+            write_final_state(file, final, dataset)
 
 
 def open_dataset(path: Path, warn: bool = True) -> xr.Dataset:

@@ -9,6 +9,7 @@ import numpy as np
 
 from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
+from romdam.config.sections.loads import InitialStateConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import (
@@ -31,6 +32,7 @@ from romdam.scene.force_histories import build_force_histories
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
+from romdam.scene.initial_state import read_initial_state
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
 from romdam.scene.plausible import odd_remarks
@@ -141,7 +143,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         force_histories=build_force_histories(config.loads.force_history, blocks, fixed, folder, source),
     )
     refuse_unreached(scene, supported, source)
+    of_state: tuple[str, ...] = ()
+    if isinstance(config.loads.initial_state, InitialStateConfig):
+        initial, of_state = read_initial_state(config.loads.initial_state, joints, folder, source)
+        scene = replace(scene, initial=initial)
     remarks = (
+        *of_state,
         *files.remarks,
         *files.unused(),
         *odd_remarks(scene, materials, config.dam.joint_pairs if config.dam else ()),

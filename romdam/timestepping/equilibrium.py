@@ -268,6 +268,8 @@ def static_equilibrium(
     memory = gap_memory(step.problem)
     if system.law.remembers:
         take_over(memory, gaps)
+        if step.shift > 0.0:
+            q = step.displaced(gaps)
     for iteration in range(_MAX_ITERATIONS):
         if iteration == _DOUBTFUL:
             _refuse_collapse(system, step.problem)
@@ -369,6 +371,18 @@ class ProximalStep:
         if compliance > 0.0:
             problem = problem._replace(W=problem.W + compliance * np.eye(len(problem.W)))
         return cls(shift, factor, X, problem, compliance)
+
+    def displaced(self, gaps: GapState) -> Floats:
+        """Displacement (n,) of closed gaps that have slipped as these have.
+
+        The proximal term holds blocks where the iteration begins: from elsewhere it would push back what has
+        slid.
+        """
+        jump = np.zeros_like(gaps.jump)
+        if len(gaps.accumulated_slip):
+            jump[:, 1:] = gaps.accumulated_slip - self.problem.slip
+        W = self.problem.W + _SINGULAR * np.diag(self.problem.W.diagonal())
+        return np.asarray(self.X @ np.linalg.solve(W, jump.ravel()))
 
     def solve(
         self, memory: GapMemory, gaps: GapState, w_free: Floats, tolerance: float, hasty: bool

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 from romdam.core.arrays import Floats
+from romdam.core.final_state import FinalState
 from romdam.core.system import System
 from romdam.timestepping.operator_cache import OperatorCache
 
@@ -38,6 +39,11 @@ class Prepared:
     symmetries: dict[Hashable, Symmetry | None] = field(default_factory=dict)
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
+
+    @property
+    def goes_on_from(self) -> FinalState | None:
+        """The state of another run that the scene's runs go on from; None where they begin at rest."""
+        return None if self.system.initial is None else self.system.initial.going_on
 
     def smaller(self, symmetry: Symmetry) -> Prepared:
         """Prepare the system with merged contacts for the same integrator."""

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from romdam.contact.problem import every_law
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
-from romdam.core.final_state import FinalState, model_signature
+from romdam.core.final_state import FinalState, law_key, model_signature
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import GapLaw, History
@@ -59,7 +60,7 @@ def simulate(
         assert one.integrator == integrator
         integrator.supports(one.system)
     if isinstance(settings.start, FinalState):
-        refuse_other_start(settings.start, simulations)
+        refuse_other_start(settings.start, each)
     for name, honoured in (("start", "resumes"), ("shift", "shifts")):  # settings that would be ignored
         if isinstance(getattr(settings, name), FinalState):
             continue
@@ -85,7 +86,8 @@ def simulate(
             ground = simulation.ground[:3, ::written].T  # below it stands what moving supports do
             final = history.final
             if final is not None:
-                final = replace(final, model=model_signature(system))
+                laws = {law_key(rows.law): rows.on for rows in every_law(system.law)}
+                final = replace(final, model=model_signature(system), laws=laws)
             forces = system.forces(simulation.ground)[:, ::written].T
             history = replace(
                 history, stats=stats, gap=system.law.gap, ground=ground, forces=forces, final=final
@@ -100,7 +102,7 @@ def simulate(
     return outcomes
 
 
-def refuse_other_start(start: FinalState, simulations: Sequence[Simulation]) -> None:
+def refuse_other_start(start: FinalState, each: Sequence[Prepared]) -> None:
     """Refuse a state of another model or integrator, and systems that a state does not tell all of.
 
     Raises
@@ -108,8 +110,8 @@ def refuse_other_start(start: FinalState, simulations: Sequence[Simulation]) -> 
     ConfigError
         with what differs, and where.
     """
-    begins = "Settings.start"
-    for prepared in dict.fromkeys(simulation.prepared for simulation in simulations):
+    begins = start.source
+    for prepared in dict.fromkeys(each):
         system, name = prepared.system, prepared.integrator.name
         if system.needs_whole_record or system.pseudo_static is not None or system.signals:
             what = "a free field" if system.needs_whole_record else "moving supports"

@@ -14,6 +14,7 @@ from arch_dams import ROCK, arch_dam
 from gravity_dams import FOUNDATION, JOINT, gravity_dam
 from pydantic import BaseModel
 
+import romdam
 from romdam.config import Config, parse_config
 from romdam.config.sections.joint_laws import UserLaw
 
@@ -289,7 +290,8 @@ def _others() -> dict[str, Any]:
         {"points": points, "reference": "46 degF", "blocks": ["right"]},
         {"nodes": nodes, "month": 1, "reference": "8 degC", "blocks": ["left"]},
     ]
-    raw["joints"], raw["loads"] = {}, {"temperature": warm}
+    state = {"result": "state.nc", "take": "joints"}
+    raw["joints"], raw["loads"] = {}, {"temperature": warm, "initial_state": state}
     del raw["comparison"]
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
     raw["blocks"]["left"] = {
@@ -402,6 +404,7 @@ def write_files(folder: Path) -> None:
     _write_matrices(folder)
     _write_column(folder / "left.msh", "body", (0, 5), (-5, 0))
     _write_column(folder / "reservoir.msh", "water", (-20, 0), (0, 10))
+    _write_state(folder)
 
 
 def _write_matrices(folder: Path) -> None:
@@ -414,6 +417,14 @@ def _write_matrices(folder: Path) -> None:
     config = parse_config(_TWO | {"loads": at_rest}, "two.yaml")
     scene = build_scene(config, folder, "two.yaml")
     write(scene, assemble_full(scene, config.damping), None, config.damping, folder)
+
+
+def _write_state(folder: Path) -> None:
+    """state.nc: the result of the base that begins with it, from rest."""
+    raw = _others()
+    del raw["loads"]["initial_state"]
+    (path,) = romdam.run(romdam.load_config(raw, folder), out=folder).paths
+    path.rename(folder / "state.nc")
 
 
 def _write_column(path: Path, group: str, x: tuple[int, int], y: tuple[int, int]) -> None:

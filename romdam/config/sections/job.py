@@ -311,6 +311,7 @@ class Config(Model):
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
         self._refuse_automatic_spacing_that_nothing_judges()
+        self._refuse_state_of_no_such_model()
         self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
         self._refuse_no_blocks()
@@ -381,6 +382,41 @@ class Config(Model):
                 f"joints.{grouted[0]}.grouting_pressure is what the joint has at rest, and "
                 "loads.initial_state: undeformed starts without rest; set static, or leave the pressure out"
             )
+
+    def _refuse_state_of_no_such_model(self) -> None:
+        state = self.loads.initial_state
+        if isinstance(state, str):
+            return
+        key = "loads.initial_state"
+        automatic = [name for name, joint in self.every_joint.items() if joint.spacing == "auto"]
+        others: dict[str, tuple[bool, str]] = {
+            "transient.accuracy.total tries other meshes": (
+                self.transient.total_accuracy is not None,
+                "give an accuracy of the steps, 1 %",
+            ),
+            f"joints.{next(iter(automatic), '')}.spacing: auto tries other gaps": (
+                bool(automatic),
+                "give the length that the state's run came to",
+            ),
+            f"outputs.mesh_error: {self.outputs.mesh_error} runs another mesh": (
+                self.outputs.mesh_error in ("finer", "coarser"),
+                "leave it out",
+            ),
+        }
+        if state.take == "all":
+            others |= {
+                "model.modes: auto may choose others": (
+                    self.model.modes == "auto",
+                    "give the number that the state's run came to, or take: joints",
+                ),
+                "suite.parameters vary it": (
+                    self.pipeline == "suite" and bool(self.suite and self.suite.parameters),
+                    "set take: joints",
+                ),
+            }
+        for why, (there, remedy) in others.items():
+            if there:
+                raise ValueError(f"{key}: a state belongs to one model, and {why}; {remedy}")
 
     def _refuse_no_blocks(self) -> None:
         if not self.block_names:

@@ -239,6 +239,16 @@ class TemperatureConfig(Model):
         return reference
 
 
+class InitialStateConfig(Model):
+    """State in which another run ended, from its result file."""
+
+    result: Path
+    """Result file of that run."""
+    take: Literal["all", "joints"] = "all"
+    """All of the state, in the same model, so that the run goes on as if both records were one; or what the
+    joints remember (slip, lost bonds, water), at rest under the static loads of this job."""
+
+
 class LoadsConfig(Model):
     """Static loads; `gravity` is the acceleration that makes weight, for example [0, 0, -9.81].
 
@@ -256,8 +266,13 @@ class LoadsConfig(Model):
     force: tuple[ForceConfig, ...] = ()
     force_history: tuple[ForceHistoryConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
-    initial_state: Literal["static", "undeformed"] = "static"
-    """State that a run starts from: equilibrium of the static loads, or no displacement at all."""
+    initial_state: Annotated[
+        Annotated[Literal["static", "undeformed"], Tag("word")]
+        | Annotated[InitialStateConfig, Tag("mapping")],
+        by_shape("static, undeformed or {result: mainshock.nc}", "static", "undeformed"),
+    ] = "static"
+    """State that a run starts from: equilibrium of the static loads, no displacement at all, or the state in
+    which another run ended."""
 
     @model_validator(mode="after")
     def _wet_once(self) -> Self:
@@ -278,6 +293,11 @@ class LoadsConfig(Model):
                     "without rest; set static, or leave the key out"
                 )
         return self
+
+    @property
+    def begins(self) -> Literal["static", "undeformed"]:
+        """How the joints and blocks are at the start, of a run that does not go on from another's end."""
+        return self.initial_state if isinstance(self.initial_state, str) else "static"
 
     @property
     def gravity_of_water(self) -> float:
