@@ -17,7 +17,7 @@ import numpy as np
 
 from romdam.contact.components import NORMAL
 from romdam.contact.laws.catalogue import source_of
-from romdam.contact.laws.crack_water import CrackWater
+from romdam.contact.laws.crack_water import EXCESS, CrackWater
 from romdam.contact.problem import every_law, law_memory
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConvergenceError
@@ -159,7 +159,7 @@ def _law_while_shaken(law: GapLaw, gaps: GapState, tips: Tips) -> GapLaw:
                 more = uplift.full_force() - water
             else:
                 continue
-            values[of_joint, 0] = np.where(closed[of_joint], more, 0.0)
+            values[of_joint, EXCESS] = np.where(closed[of_joint], more, 0.0)
             on[of_joint] = closed[of_joint] & (np.abs(more) > 0.0)
         laws[k] = replace(rows, values=values, on=on)
     after = replace(law, laws=tuple(laws))

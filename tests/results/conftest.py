@@ -25,7 +25,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import ENERGY_TERMS, Coordinates, History
+from romdam.core.system import ENERGY_TERMS, Coordinates, History, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
@@ -94,6 +94,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
+        uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0),
     )  # fmt: skip
 
 
