@@ -68,6 +68,7 @@ from romdam.results.stress.file import write_stress
 from romdam.results.suite.report_data import DATA
 from romdam.results.suite.rows import Row
 from romdam.results.variables import Case
+from romdam.timestepping.simulate import refuse_other_start
 
 log = logging.getLogger(__name__)
 
@@ -243,6 +244,9 @@ def _run(
     store = open_store(cache)
     job, choice = choose_mesh_and_modes(job, motions, clock, store)
     model = build_model(job, clock, store, estimated=True)
+    if model.prepared.goes_on_from is not None:
+        with placed(job.path):
+            refuse_other_start(model.prepared.goes_on_from, [model.prepared])
     job = log_scene_warnings(model.scene, job)
     of_mesh = choice or build_sibling(job, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:

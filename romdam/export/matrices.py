@@ -91,7 +91,8 @@ def write(
     Raises
     ------
     ConfigError
-        where more drives the system than the base's acceleration, which no matrix says.
+        where more drives the system than the base's acceleration, or its runs begin with the state of another
+        run, which no matrix says.
     WriteError
     """
     if system.drives or system.pseudo_static is not None or system.signals:
@@ -99,6 +100,11 @@ def write(
             "export: waves in rock or water, supports of their own motion, or forces that vary in time drive "
             "this system besides the acceleration of its base, limit 0 such drives; leave out ground.input, "
             "water.model: compressible, supports[].motion and loads.force_history"
+        )
+    if system.initial is not None:
+        raise ConfigError(
+            "export: loads.initial_state.result: matrices do not say what joints remember of another run; "
+            "set static"
         )
     operators = gap_operators(scene, system.law.directions)
     written = [_write_system(system, folder / "system.h5")]

@@ -383,7 +383,7 @@ def test_what_cannot_stand_alone_is_said(tmp_path, caplog):
     assert not (tmp_path / "rock_1.h5").exists() and (tmp_path / "monolith_1.h5").exists()
     config = raw()
     config["supports"][1]["motion"] = {"factor": 0.5}
-    with pytest.raises(ConfigError, match="supports of their own motion, drive this system"):
+    with pytest.raises(ConfigError, match="supports of their own motion, or forces that vary"):
         exported(built(config), tmp_path)
 
 

@@ -8,6 +8,7 @@ import romdam
 from romdam.core.errors import ConfigError
 from romdam.core.sealed import changing
 from romdam.error.metrics import relative_l2
+from romdam.pipelines.export import ExportOptions, export_deck, export_matrices
 from romdam.pipelines.suites.run import SuiteOptions
 
 G, DT = 9.81, 0.002
@@ -306,7 +307,7 @@ def test_state_of_another_model_is_refused(result, tmp_path, case, check):
             np.savetxt(tmp_path / "b.txt", pulses(1.0, 1, 0.4)[1])
             record = {"file": str(tmp_path / "b.txt"), "dt": DT, "unit": "m/s2", "components": {"y": 1}}
             romdam.check(wrong | {"records": [record]})
-    assert not list(tmp_path.glob("*.nc"))
+    assert not [path for path in tmp_path.iterdir() if path.suffix != ".txt"]
 
 
 @pytest.mark.parametrize("content", ["nothing", "text", "other", "no state"])
@@ -363,3 +364,16 @@ def test_suites_begin_with_a_state(result, tmp_path):
     automatic = job(FRICTION | {"spacing": "auto"}) | {"transient": {"accuracy": "1 %"}}
     with pytest.raises(ConfigError, match=r"spacing: auto tries other gaps"):
         run(after(automatic, result), tmp_path, motion("b", second))
+
+
+@pytest.mark.parametrize("code", ["matrices", "opensees"])
+def test_decks_do_not_say_a_state(result, tmp_path, code):
+    np.savetxt(tmp_path / "b.txt", pulses(1.0, 1, 0.4)[1])
+    record = {"file": "b.txt", "dt": DT, "unit": "m/s2", "components": {"y": 1}}
+    loaded = romdam.load_config(after(job(), result, records=[record]), tmp_path)
+    with pytest.raises(ConfigError, match=r"loads.initial_state.result"):
+        if code == "matrices":
+            export_matrices(loaded, tmp_path / "out")
+        else:
+            export_deck(loaded, tmp_path / "out", ExportOptions(code))
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
