@@ -14,6 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 from pydantic import ValidationError
 
 from romdam.config.explain import Location, explain, key_at
+from romdam.config.parameters import refuse_unvaried
 from romdam.config.renamed import with_present_names
 from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
@@ -212,7 +213,8 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
     Raises
     ------
     ConfigError
-        for a file that cannot be read or is not YAML, and for unknown, missing or wrong keys.
+        for a file that cannot be read or is not YAML, for unknown, missing or wrong keys, and for a suite
+        that varies what cannot be varied.
     """
     if isinstance(source, Mapping | Config):
         content = source
@@ -221,7 +223,7 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
         raw, renamed = with_present_names(plain(content, MADE), MADE)
         assert isinstance(raw, dict)
         base = Path(folder or ".")
-        return Job(parse_config(raw, MADE, folder=base), Path(MADE), renamed, raw, base)
+        return _sound(Job(parse_config(raw, MADE, folder=base), Path(MADE), renamed, raw, base))
     if folder is not None:
         name = source.path if isinstance(source, Job) else source
         raise ConfigError(f"folder: is for a mapping or a Config; paths in {name} start where it is")
@@ -231,7 +233,17 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
         raise ConfigError(f"a job is a path, a mapping of keys, a Config or a Job, got {quote(source)}")
     path = Path(source)
     raw, renamed = with_present_names(read_yaml(path), str(path))
-    return Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed)
+    return _sound(Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed))
+
+
+def _sound(job: Job) -> Job:
+    """The job, once its suite is known to vary what can be varied, whether its pipeline is a suite or not."""
+    if job.config.suite is not None:
+        try:
+            refuse_unvaried(job.config, str(job.path))
+        except ConfigError as error:
+            raise ConfigError(_with_line(str(error), job)) from None
+    return job
 
 
 def parse_config(

@@ -141,6 +141,21 @@ def find_varied_key(config: Config, paths: str | Sequence[str], name: str, sourc
     return VariedKey(", ".join(paths), ordered, tuple(fields[0].split(".")), units, parameter)
 
 
+def refuse_unvaried(config: Config, source: str) -> None:
+    """Refuse parameters of a suite whose path cannot be varied, or whose key does not take a value.
+
+    Raises
+    ------
+    ConfigError
+        as `find_varied_key` and `si_value` do.
+    """
+    for name, parameter in ({} if config.suite is None else config.suite.parameters).items():
+        key = find_varied_key(config, parameter.paths, name, source)
+        for value in (*(parameter.values or ()), parameter.low, parameter.high):
+            if value is not None:
+                si_value(key, value, name, source)
+
+
 def _why_not(config: Config, path: str, section: str | None) -> str:
     """Say what is wrong with a path that names no number which can be varied."""
     root = path.split(".")[0]

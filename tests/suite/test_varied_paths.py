@@ -2,7 +2,9 @@
 
 import pytest
 from gravity_dams import gravity_dam
+from suite_jobs import write_job
 
+import romdam
 from romdam.config import parse_config
 from romdam.config.parameters import find_varied_key, vary
 from romdam.core.errors import ConfigError
@@ -69,3 +71,24 @@ def test_two_parameters_of_one_path_are_refused():
     both = {"a": {"path": [BASE, CONTRACTION], "values": [0.5]}, "b": {"path": CONTRACTION, "values": [0.6]}}
     with pytest.raises(ConfigError, match=r"suite\.parameters\.b\.path: .* is varied twice"):
         parse_config(gravity_dam() | REST | {"pipeline": "suite", "suite": {"parameters": both}}, "dam.yaml")
+
+
+@pytest.mark.parametrize("pipeline", ["run", "suite"])
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ({"path": "ground.input", "values": [1]}, "'ground.input' is not of the joints or the damping"),
+        ({"path": "joints.gap.mu", "values": [0.3]}, "'joints.gap.mu' cannot be varied"),
+        ({"path": "joints.gap.friction", "values": [0.3, "3 m"]}, "got '3 m'"),
+        ({"path": "joints.gap.friction", "low": -1, "high": 0.3, "count": 2}, "got -1"),
+    ],
+)
+def test_a_suite_that_varies_something_else_is_refused_when_it_is_read(tmp_path, pipeline, parameter, words):
+    """Also where its pipeline makes nothing of it: check, run and every other command say the same."""
+    path = write_job(tmp_path, records=1, suite={"parameters": {"a": parameter}}, pipeline=pipeline)
+    run = romdam.run_suite if pipeline == "suite" else romdam.run
+    for command, where in ((romdam.load_config, ()), (romdam.check, ()), (run, (tmp_path / "out",))):
+        with pytest.raises(ConfigError) as told:
+            command(path, *where)
+        assert words in str(told.value)
+        assert f"{path}:" in str(told.value) and "suite.parameters.a" in str(told.value)
