@@ -151,7 +151,8 @@ def refuse_unvaried(config: Config, source: str) -> None:
     """
     for name, parameter in ({} if config.suite is None else config.suite.parameters).items():
         key = find_varied_key(config, parameter.paths, name, source)
-        for value in (*(parameter.values or ()), parameter.low, parameter.high):
+        every = (*(parameter.values or ()), parameter.low, parameter.high, parameter.mean, parameter.median)
+        for value in every:
             if value is not None:
                 si_value(key, value, name, source)
 

@@ -271,7 +271,22 @@ def _suite() -> dict[str, Any]:
         "parameters": {
             "mu": {"path": ["joints.g*.friction"], "low": 0.4, "high": 0.7, "distribution": "uniform"},
             "alpha": {"path": "damping.rayleigh.alpha", "values": [0.5, 1.0]},
+            "beta": {"path": "damping.rayleigh.beta", "mean": 1e-3, "cov": 0.1, "distribution": "lognormal"},
+            "strength": {
+                "path": "joints.gap.cohesion",
+                "distribution": "normal",
+                "mean": "1 MPa",
+                "std": "0.2 MPa",
+                "low": "0 MPa",
+            },
+            "stiffness": {
+                "path": "joints.gap.normal_stiffness",
+                "distribution": "lognormal",
+                "median": "16 GPa/m",
+                "beta": 0.2,
+            },
         },
+        "correlation": {"pairs": [{"between": ["mu", "strength"], "value": "40 %"}], "of": "scores"},
         "design": {"latin_hypercube": 2, "seed": 3},
         "keep": {"output_interval": 0.02, "precision": "single"},
         "period": 0.3,
@@ -342,6 +357,10 @@ def _waves() -> dict[str, Any]:
     raw["ties"] = {name: {"between": [name, "rock"]} for name in ("left", "right")}
     sides = {"block": "rock", "faces": ["xmin", "xmax", "ymin", "ymax"], "distance": "20 m"}
     bottom = {"block": "rock", "faces": [{"axis": "z", "at": -10.0}]}
+    raw["suite"] = {
+        "parameters": {"mu": {"path": "joints.gap.friction", "low": 0.3, "high": 0.7}},
+        "design": {"monte_carlo": 3, "seed": 2},
+    }
     raw["ground"] = {"input": "free_field", "viscous": [sides, bottom], "rock": ["rock"], "surface": 0.0}
     return raw
 

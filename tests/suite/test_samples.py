@@ -15,7 +15,7 @@ from romdam.pipelines.run import run as run_job
 from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.postprocess.responses import PARAMETER, parameters
-from romdam.results.suite.design import _unit_samples
+from romdam.results.suite.sampling import latin_hypercube
 
 SHADOWS = ("gap", "joint", "component", "scale", "record", "sample", "node", "peak_opening", "status",
            "run_key", "parameter_gap", "record_pga", "time", "file")  # fmt: skip
@@ -158,7 +158,7 @@ def test_names_of_records_stay_in_the_folder(tmp_path):
 @pytest.mark.parametrize(("samples", "parameters", "seed"), [(1, 1, 0), (200, 3, 1)])
 def test_latin_hypercube_is_that_of_scipy(samples, parameters, seed):
     theirs = qmc.LatinHypercube(d=parameters, seed=np.random.default_rng(seed)).random(samples)
-    np.testing.assert_array_equal(_unit_samples(samples, parameters, seed), theirs)
+    np.testing.assert_array_equal(latin_hypercube(samples, parameters, seed), theirs)
 
 
 def test_latin_hypercube_and_table_are_the_samples(tmp_path):

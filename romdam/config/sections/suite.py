@@ -43,11 +43,13 @@ KeyPath = Annotated[str, Field(min_length=1)]
 
 
 class ParameterConfig(Model):
-    """A number of the joints or of the damping that varies: the values, or a range to sample from.
+    """A number that varies: the values, a range to sample from, or a distribution.
 
     `path` is where it stands in this file, such as joints.J3.friction, joints.base_*.friction (all that
     match), gravity_dam.joints.base.friction (all that the dam makes of it) or damping.rayleigh.ratio; of a
-    list all places have one value. `count` makes a range a row of values for the full grid.
+    list all places have one value. `count` makes a range a row of values for the full grid. A normal or
+    lognormal distribution has a `mean` or a `median`, and `std`, `cov` or `beta`, those of the distribution
+    before `low` and `high` cut it.
     """
 
     path: Annotated[
@@ -60,28 +62,64 @@ class ParameterConfig(Model):
     values: Annotated[tuple[NumberOrText, ...], Field(min_length=1)] | None = None
     """All values, for the grid."""
     low: NumberOrText | None = None
-    """Least value of a range."""
+    """Least value of a range, or bound at which a distribution is cut."""
     high: NumberOrText | None = None
-    """Largest value of a range."""
+    """Largest value of a range, or bound at which a distribution is cut."""
     count: Annotated[Whole, Field(ge=2, le=MOST_RUNS)] | None = None
     """Number of values from `low` to `high` in the full grid, at equal distances or ratios."""
-    distribution: Literal["uniform", "loguniform"] = "uniform"
-    """Distribution of a Latin hypercube within the range."""
+    distribution: Literal["uniform", "loguniform", "normal", "lognormal"] = "uniform"
+    """Distribution of random samples."""
+    mean: NumberOrText | None = None
+    """Mean of a normal or lognormal distribution."""
+    median: NumberOrText | None = None
+    """Median of a normal or lognormal distribution, instead of the mean."""
+    std: NumberOrText | None = None
+    """Standard deviation."""
+    cov: Annotated[Dimensionless, Field(ge=0.0, le=10.0)] | None = None
+    """Coefficient of variation, standard deviation over mean, instead of `std`."""
+    beta: Annotated[Dimensionless, Field(ge=0.0, le=10.0)] | None = None
+    """Standard deviation of the natural logarithm of a lognormal distribution, instead of `std`."""
 
     @property
     def paths(self) -> tuple[str, ...]:
         """Every path, as it is written."""
         return (self.path,) if isinstance(self.path, str) else self.path
 
+    @property
+    def has_moments(self) -> bool:
+        """Tell whether the distribution is one of a mean and a spread."""
+        return self.distribution in ("normal", "lognormal")
+
     @model_validator(mode="after")
     def _values_or_range(self) -> Self:
-        if (self.low is None) != (self.high is None):
+        self._refuse_odd_moments()
+        if (self.low is None) != (self.high is None) and not self.has_moments:
             raise ValueError("`low` and `high` belong together")
         if self.values is not None and self.low is not None:
             raise ValueError("give `values`, or `low` and `high`, not both")
-        if self.count is not None and self.low is None:
-            raise ValueError("`count` belongs to `low` and `high`")
+        if self.count is not None and (self.low is None or self.has_moments):
+            raise ValueError("`count` belongs to `low` and `high` of a range")
         return self
+
+    def _refuse_odd_moments(self) -> None:
+        centers = [key for key in ("mean", "median") if getattr(self, key) is not None]
+        spreads = [key for key in ("std", "cov", "beta") if getattr(self, key) is not None]
+        if not self.has_moments:
+            if centers or spreads:
+                raise ValueError(
+                    f"`{(centers + spreads)[0]}` belongs to `distribution: normal` or `lognormal`, got "
+                    f"{self.distribution}"
+                )
+            return
+        if self.values is not None:
+            raise ValueError("give `values`, or a distribution, not both")
+        if len(centers) != 1 or len(spreads) != 1:
+            raise ValueError(
+                f"a {self.distribution} distribution has one of `mean` and `median`, and one of `std`, `cov` "
+                f"and `beta`, got {', '.join(centers + spreads) or 'none'}"
+            )
+        if self.beta is not None and self.distribution == "normal":
+            raise ValueError("`beta` is of a lognormal distribution; give `std` or `cov`")
 
 
 class LatinHypercubeConfig(Model):
@@ -91,6 +129,48 @@ class LatinHypercubeConfig(Model):
     """Number of samples."""
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     """Seed of the random numbers."""
+
+
+class MonteCarloConfig(Model):
+    """So many independent samples."""
+
+    monte_carlo: Annotated[Whole, Field(ge=1, le=MOST_RUNS)]
+    """Number of samples."""
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
+    """Seed of the random numbers."""
+
+
+class CorrelationPairConfig(Model):
+    """Correlation of two parameters."""
+
+    between: tuple[Parameter, Parameter]
+    """Names of two of `parameters`."""
+    value: Annotated[Dimensionless, Field(gt=-1.0, lt=1.0)]
+    """Coefficient of correlation."""
+
+
+class CorrelationConfig(Model):
+    """Correlation of parameters with a distribution; those of no pair are not correlated.
+
+    The samples have a Gaussian copula. `of: values` is Pearson's coefficient of the values themselves
+    (Nataf's model), `of: scores` that of their normal scores.
+    """
+
+    pairs: Annotated[tuple[CorrelationPairConfig, ...], Field(min_length=1, max_length=1000)]
+    of: Literal["values", "scores"] = "values"
+    """What the coefficients are of: the values, or their normal scores."""
+
+    @model_validator(mode="after")
+    def _each_once(self) -> Self:
+        seen = set[frozenset[str]]()
+        for k, pair in enumerate(self.pairs):
+            names = frozenset(pair.between)
+            if len(names) < 2:
+                raise ValueError(f"pairs[{k}].between: two different parameters, got {quote(pair.between)}")
+            if names in seen:
+                raise ValueError(f"pairs[{k}].between: {quote(pair.between)} are given twice; remove one")
+            seen.add(names)
+        return self
 
 
 class DesignTableConfig(Model):
@@ -128,10 +208,15 @@ class SuiteConfig(Model):
     )
     design: Annotated[
         Annotated[Literal["grid"], Tag("word")]
-        | Annotated[LatinHypercubeConfig | DesignTableConfig, Tag("mapping")],
-        by_shape('"grid", {latin_hypercube: 100, seed: 1}, or {table: samples.csv}', "grid"),
+        | Annotated[LatinHypercubeConfig | MonteCarloConfig | DesignTableConfig, Tag("mapping")],
+        by_shape(
+            '"grid", {latin_hypercube: 100, seed: 1}, {monte_carlo: 1000, seed: 1}, or {table: samples.csv}',
+            "grid",
+        ),
     ] = "grid"
-    """Design of the samples of the parameters: the full grid of values, a Latin hypercube, or a table."""
+    """Design of the samples of the parameters: the full grid of values, a Latin hypercube, independent
+    samples, or a table."""
+    correlation: CorrelationConfig | None = None
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),
@@ -161,8 +246,10 @@ class SuiteConfig(Model):
             self._has_what_the_design_needs(name, parameter)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")
-        if isinstance(self.design, LatinHypercubeConfig) and not self.parameters:
-            raise ValueError("a Latin hypercube needs `parameters` with `low` and `high`")
+        if isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig) and not self.parameters:
+            what = "a Latin hypercube" if isinstance(self.design, LatinHypercubeConfig) else "Monte Carlo"
+            raise ValueError(f"{what} needs `parameters` with `low` and `high`")
+        self._refuse_odd_correlation()
         self._refuse_too_many()
         for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
             if len(set(values)) < len(values):
@@ -170,6 +257,22 @@ class SuiteConfig(Model):
                     f"{name}: a value is given twice, {quote(sorted(values))}; remove one of the two"
                 )
         return self
+
+    def _refuse_odd_correlation(self) -> None:
+        if self.correlation is None:
+            return
+        if not isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig):
+            raise ValueError(
+                "correlation: is of random samples; set design: {latin_hypercube: 100} or {monte_carlo: "
+                "1000}, or leave it out"
+            )
+        for k, pair in enumerate(self.correlation.pairs):
+            for name in pair.between:
+                if name not in self.parameters:
+                    raise ValueError(
+                        f"correlation.pairs[{k}].between: no parameter is {quote(name)}; there are "
+                        f"{', '.join(self.parameters)}"
+                    )
 
     def _refuse_too_many(self) -> None:
         scales = len(self._targets() or self.scales)
@@ -188,11 +291,14 @@ class SuiteConfig(Model):
 
     def _has_what_the_design_needs(self, name: str, parameter: ParameterConfig) -> None:
         if isinstance(self.design, DesignTableConfig):
-            if parameter.values is not None or parameter.low is not None:
+            if parameter.values is not None or parameter.low is not None or parameter.has_moments:
                 raise ValueError(f"parameters.{name}: the table gives the values; leave only `path`")
-        elif isinstance(self.design, LatinHypercubeConfig):
-            if parameter.values is None and parameter.low is None:
-                raise ValueError(f"parameters.{name}: a Latin hypercube needs `low` and `high`, or `values`")
+        elif isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig):
+            if parameter.values is None and parameter.low is None and not parameter.has_moments:
+                what = "a Latin hypercube" if isinstance(self.design, LatinHypercubeConfig) else "Monte Carlo"
+                raise ValueError(
+                    f"parameters.{name}: {what} needs `low` and `high`, `values`, or a distribution"
+                )
         elif parameter.values is None and parameter.count is None:
             raise ValueError(
                 f"parameters.{name}: the full grid needs `values`, or `low`, `high` and `count`; "

@@ -1,4 +1,4 @@
-"""What a suite runs: its samples, the full grid, a Latin hypercube or a table, and factors on its records."""
+"""What a suite runs: its samples, by a grid, at random or from a table, and factors on its records."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from romdam.config.sections.suite import (
     MOST_RUNS,
     DesignTableConfig,
     LatinHypercubeConfig,
+    MonteCarloConfig,
     ParameterConfig,
     SuiteConfig,
 )
@@ -26,6 +27,16 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
+from romdam.results.suite.sampling import (
+    Marginal,
+    correlated,
+    correlation_matrix,
+    latin_hypercube,
+    least_eigenvalue,
+    lognormal_spread,
+    monte_carlo,
+    score_correlation,
+)
 
 _MOST_TABLE = 1e9  # bytes
 
@@ -71,8 +82,13 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         values = _table(job.folder / design.table, places)
         kind = f"table {design.table.name}"
     elif isinstance(design, LatinHypercubeConfig):
-        values = _latin_hypercube(design, suite.parameters, places, source)
+        unit = latin_hypercube(design.latin_hypercube, len(places), design.seed)
+        values = _random_samples(unit, suite, places, source, strata=True)
         kind = f"Latin hypercube, seed {design.seed}"
+    elif isinstance(design, MonteCarloConfig):
+        unit = monte_carlo(design.monte_carlo, len(places), design.seed)
+        values = _random_samples(unit, suite, places, source, strata=False)
+        kind = f"Monte Carlo, seed {design.seed}"
     else:
         levels = [_levels(name, each, places[name], source) for name, each in suite.parameters.items()]
         rows = list(itertools.product(*levels))
@@ -111,13 +127,18 @@ def _range(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -
     return low, high
 
 
-def _latin_hypercube(
-    design: LatinHypercubeConfig,
-    parameters: Mapping[str, ParameterConfig],
-    places: Mapping[str, VariedKey],
-    source: str,
+def _random_samples(
+    unit: Floats, suite: SuiteConfig, places: Mapping[str, VariedKey], source: str, *, strata: bool
 ) -> dict[str, Floats]:
-    unit = _unit_samples(design.latin_hypercube, len(parameters), design.seed)
+    """Values of the parameters at samples (n, k) between 0 and 1."""
+    parameters = suite.parameters
+    marginals = {
+        name: marginal_of(name, parameter, places[name], source)
+        for name, parameter in parameters.items()
+        if parameter.values is None
+    }
+    if suite.correlation is not None:
+        unit = correlated(unit, _score_correlations(suite, marginals, source), strata=strata)
     columns = {}
     for column, (name, parameter) in enumerate(parameters.items()):
         u = unit[:, column]
@@ -125,24 +146,99 @@ def _latin_hypercube(
             levels = _levels(name, parameter, places[name], source)
             columns[name] = levels[np.minimum((u * len(levels)).astype(int), len(levels) - 1)]
             continue
-        low, high = _range(name, parameter, places[name], source)
-        columns[name] = (
-            low * (high / low) ** u if parameter.distribution == "loguniform" else low + u * (high - low)
-        )
+        columns[name] = values = marginals[name].value(u)
+        for extreme in dict.fromkeys((float(values.min()), float(values.max()))):
+            try:
+                si_value(places[name], extreme, name, source)
+            except ConfigError as error:
+                raise ConfigError(
+                    f"{error}: its {parameter.distribution} distribution reaches that; give `low` and "
+                    "`high`, at which it is cut, or another distribution"
+                ) from None
     return columns
 
 
-def _unit_samples(samples: int, parameters: int, seed: int) -> Floats:
-    """(samples, parameters) between 0 and 1, one in each of as many strata of every parameter.
+def marginal_of(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -> Marginal:
+    """The distribution of a parameter, SI.
 
-    To the bit those of `scipy.stats.qmc.LatinHypercube`, which takes half a second to load.
+    Raises
+    ------
+    ConfigError
+        for bounds that are no range, or leave nothing of it, and for a mean that a lognormal one cannot have.
     """
-    random = np.random.default_rng(seed).spawn(1)[0]
-    within = random.uniform(size=(samples, parameters))
-    strata = np.tile(np.arange(1, samples + 1), (parameters, 1))
-    for stratum in strata:
-        random.shuffle(stratum)
-    return np.asarray((strata.T - within) / samples)
+    where = f"{source}: suite.parameters.{name}"
+    if parameter.distribution in ("uniform", "loguniform"):
+        return Marginal(parameter.distribution, 0.0, 0.0, *_range(name, parameter, key, source))
+    low, high = (
+        end if bound is None else si_value(key, bound, name, source)
+        for bound, end in ((parameter.low, -np.inf), (parameter.high, np.inf))
+    )
+    if not low < high:
+        raise ConfigError(f"{where}: `low` must be below `high`, got {parameter.low} and {parameter.high}")
+    given = "median" if parameter.mean is None else "mean"
+    center = si_value(key, getattr(parameter, given), name, source)
+    std = None if parameter.std is None else _size(key, parameter.std, name, source)
+    if parameter.distribution == "normal":
+        spread = std if std is not None else abs(center) * (parameter.cov or 0.0)
+    else:
+        if not 0.0 < center < np.inf:
+            raise ConfigError(f"{where}.{given}: of a lognormal distribution is above 0, got {center:g}")
+        if parameter.beta is not None:
+            spread = parameter.beta
+        elif std is not None and given == "median":
+            spread = lognormal_spread(std_of_median=std / center)
+        else:
+            spread = lognormal_spread(cov=std / center if std is not None else parameter.cov)
+        center = float(np.log(center)) - (0.5 * spread**2 if given == "mean" else 0.0)
+    marginal = Marginal(parameter.distribution, center, float(spread), low, high)
+    if marginal.problem:
+        raise ConfigError(f"{where}: {marginal.problem}")
+    return marginal
+
+
+def _size(key: VariedKey, value: float | str, name: str, source: str) -> float:
+    """A standard deviation in SI; of zero or above."""
+    size = si_value(key, value, name, source)
+    if not 0.0 <= size < np.inf:
+        raise ConfigError(f"{source}: suite.parameters.{name}.std: must be 0 or above, got {quote(value)}")
+    return size
+
+
+def _score_correlations(suite: SuiteConfig, marginals: Mapping[str, Marginal], source: str) -> Floats:
+    """(k, k) correlation of the parameters' normal scores.
+
+    Raises
+    ------
+    ConfigError
+        for a pair that no Gaussian copula gives, and for a matrix that is not positive definite.
+    """
+    asked = suite.correlation
+    assert asked is not None
+    pairs = []
+    for k, pair in enumerate(asked.pairs):
+        (a, b), value = pair.between, pair.value
+        where = f"{source}: suite.correlation.pairs[{k}]"
+        for name in (a, b):
+            if name not in marginals or marginals[name].value(np.array([0.1, 0.9])).std() == 0.0:
+                raise ConfigError(
+                    f"{where}: parameter {name!r} has `values`, or does not vary; correlation is of "
+                    "parameters with a distribution"
+                )
+        if asked.of == "values":
+            try:
+                value = score_correlation(marginals[a], marginals[b], value)
+            except ValueError as error:
+                raise ConfigError(f"{where}.value: {error} for {a} and {b}, got {pair.value:g}") from None
+        pairs.append((a, b, value))
+    matrix = correlation_matrix(list(suite.parameters), pairs)
+    if least_eigenvalue(matrix) == 0.0:
+        least = float(np.linalg.eigvalsh(matrix)[0])
+        raise ConfigError(
+            f"{source}: suite.correlation.pairs: the correlation matrix is not positive definite (least "
+            f"eigenvalue {least:.3g}): no parameters are correlated like that; lower the correlations, or "
+            "give those of the pairs that are missing"
+        )
+    return matrix
 
 
 def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
