@@ -17,11 +17,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from importlib import import_module
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr, ndtri
 
 from romdam.core.arrays import Floats
 
@@ -29,7 +27,18 @@ _LEAST = 1e-9  # probability that bounds leave at least: below it the samples ar
 _EDGE = 2.0**-53  # least probability that a score is taken of, so that it is finite
 _ORDER = 40  # of the quadrature over each score: 1e-10 of the correlation up to a cov of 1
 _STRONGEST = 0.9999  # correlation of scores up to which one of the values is sought
+_CLOSE = 1e-12  # width of the interval in which bisection leaves it
 _DEFINITE = 1e-9  # least eigenvalue of a correlation matrix
+
+
+def ndtr(z: Floats | float) -> Floats:
+    """Standard normal distribution function."""
+    return np.asarray(import_module("scipy.special").ndtr(z))  # few jobs need it, and it takes time to load
+
+
+def ndtri(u: Floats | float) -> Floats:
+    """Inverse of the standard normal distribution function."""
+    return np.asarray(import_module("scipy.special").ndtri(u))
 
 
 @dataclass(frozen=True)
@@ -134,10 +143,11 @@ def score_correlation(a: Marginal, b: Marginal, correlation: float) -> float:
     if not least <= correlation <= most:
         raise ValueError(f"no correlation of these values is outside {least:.4g} to {most:.4g}")
 
-    def off(rho: float) -> float:
-        return of_values(rho) - correlation
-
-    return float(brentq(partial(off), -_STRONGEST, _STRONGEST, xtol=1e-12))
+    low, high = -_STRONGEST, _STRONGEST
+    while high - low > _CLOSE:  # it grows with that of the scores
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if of_values(middle) < correlation else (low, middle)
+    return 0.5 * (low + high)
 
 
 def _standard(marginal: Marginal, z: Floats, w: Floats) -> Floats:
