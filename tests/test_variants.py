@@ -206,3 +206,20 @@ def test_the_configurations_run(tmp_path, monkeypatch, name, seconds):
     with xr.open_dataset(tmp_path / "out" / "comparison.nc", engine="h5netcdf") as dataset:
         assert dataset.variant.values.tolist() == [*raw["comparison"]["variants"]]
         assert np.isfinite(dataset.l2_difference.values).all()
+
+
+def test_accelerations_are_means_of_the_written_intervals(compared, dataset):
+    """Mean accelerations keep the impulse of an impact: summed over time they are the velocity."""
+    with romdam.open_result(compared[0] / "gaps" / "pulse.nc") as result:
+        vel = result.dataset.velocity.sel(component="y")
+        across = (vel.sel(node="right_top") - vel.sel(node="left_top")).values
+    rows = dataset.sel(variant="gaps", component="y")
+    time = dataset.time.values
+    gained = np.cumsum(rows.relative_acceleration.sel(pair="tops").values[1:] * np.diff(time))
+    np.testing.assert_allclose(gained, across[1:] - across[0], atol=1e-12 * np.abs(across).max())
+    largest = np.abs(rows.relative_acceleration.sel(pair="tops").values).max()
+    peak = dataset.peak_relative_acceleration_component.sel(variant="gaps", pair="tops")
+    assert abs(float(peak)) == largest > 1.0
+    assert "acceleration left_top" in dataset["quantity"].values
+    page = (compared[0] / "comparison.html").read_text()
+    assert "y across tops [m/s²]" in page and "Relative acceleration, mean over" in page

@@ -127,6 +127,8 @@ class Joint:
     patches : (n, nodes of the face's block) of the mean over what each gap stands for, rows sum to 1; None
         where that is its corner's share of the facets
     uplift : water whose pressure follows from the crack at rest; None where it does not
+    element_stiffness : normal and shear stiffness of the elements beside the joint, where its own follows
+        from them; else 0 [N/m3]
     """
 
     name: str
@@ -151,6 +153,7 @@ class Joint:
     corner: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     patches: csr_matrix | None = None
     uplift: CrackedUplift | None = None
+    element_stiffness: tuple[float, float] = (0.0, 0.0)
 
     def of_corners(self, values: Floats) -> Floats:
         """Values at the gaps (n,) of values at the corners of the face's facets.

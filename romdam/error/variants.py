@@ -23,6 +23,14 @@ _HISTORIES = {  # variable -> (its places, in words)
     "displacement": ("node", "displacement"),
     "relative_displacement": ("pair", "relative displacement"),
     "widest_opening": ("joint", "opening"),
+    "acceleration": ("node", "acceleration"),
+    "relative_acceleration": ("pair", "relative acceleration"),
+}
+_PEAKS = {  # variable -> its largest value in the compared component
+    "displacement": "peak_component",
+    "relative_displacement": "peak_relative_component",
+    "acceleration": "peak_acceleration_component",
+    "relative_acceleration": "peak_relative_acceleration_component",
 }
 _VARIABLES = {  # unit, meaning
     "variant": ("", "name of the variant"),
@@ -35,12 +43,22 @@ _VARIABLES = {  # unit, meaning
     "displacement": ("m", "displacement relative to the base"),
     "relative_displacement": ("m", "displacement of the pair's second node relative to its first"),
     "widest_opening": ("m", "opening of the joint's widest gap, open positive"),
+    "acceleration": ("m s-2", "acceleration relative to the base, mean since the time before"),
+    "relative_acceleration": ("m s-2", "acceleration of the pair's second node relative to its first, mean"),
     "peak_displacement": ("m", "displacement when the node is farthest from where it was"),
     "peak_displacement_time": ("s", "time of that"),
     "peak_relative_displacement": ("m", "relative displacement when it is largest"),
     "peak_relative_displacement_time": ("s", "time of that"),
     "peak_component": ("m", "displacement in the compared component, largest in magnitude"),
     "peak_relative_component": ("m", "relative displacement in the compared component, largest in magnitude"),
+    "peak_acceleration_component": (
+        "m s-2",
+        "acceleration in the compared component, largest in magnitude",
+    ),
+    "peak_relative_acceleration_component": (
+        "m s-2",
+        "relative acceleration in the compared component, largest in magnitude",
+    ),
     "peak_opening": ("m", "largest opening over all gaps and steps"),
     "stress_peak": ("Pa", "largest stress of all nodes over all written times, tension positive"),
     "stress_peak_time": ("s", "time of that"),
@@ -117,9 +135,13 @@ def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
         "cpu_seconds_total": sum(cpu.values()),
     }
     if "displacement" in run:
-        variables |= _motions("displacement", run.displacement, asked)
-    if asked.relative:
-        variables |= _motions("relative_displacement", _relative(run.displacement, asked), asked)
+        for name, motion in {
+            "displacement": run.displacement,
+            "acceleration": _mean_acceleration(run),
+        }.items():
+            variables |= _motions(name, motion, asked)
+            if asked.relative:
+                variables |= _motions(f"relative_{name}", _relative(motion, asked), asked)
     if "opening" in run:
         variables |= _openings(run)
     return (
@@ -127,23 +149,36 @@ def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
     )
 
 
-def _relative(disp: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
-    pairs = [disp.sel(node=b, drop=True) - disp.sel(node=a, drop=True) for a, b in asked.relative.values()]
+def _mean_acceleration(run: xr.Dataset) -> xr.DataArray:
+    """Mean acceleration since the time before (nt, nodes, 3) [m/s2]; at the first time its value.
+
+    It follows from the velocities, so that it keeps the impulse of an impact, whose acceleration at the
+    written times is chance.
+    """
+    mean = run.acceleration.copy()
+    intervals = np.diff(run.time.values)[:, None, None]
+    mean[1:] = np.diff(run.velocity.transpose("time", "node", "component").values, axis=0) / intervals
+    return mean
+
+
+def _relative(motion: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
+    pairs = [
+        motion.sel(node=b, drop=True) - motion.sel(node=a, drop=True) for a, b in asked.relative.values()
+    ]
     return xr.concat(pairs, dim="pair").assign_coords(pair=list(asked.relative)).transpose("time", ...)
 
 
 def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[str, xr.DataArray]:
-    """Histories of vectors, the vector when it is largest, and the largest of the compared component."""
+    """Histories of vectors, the largest of the compared component, and the largest vector of displacement."""
     values = values.drop_vars([c for c in values.coords if c not in values.dims])
-    square: xr.DataArray = (values**2).sum("component")
     component = values.sel(component=asked.component, drop=True)
-    peak = {"displacement": "peak_component", "relative_displacement": "peak_relative_component"}[name]
-    return {
-        name: values,
-        f"peak_{name}": values.isel(time=square.argmax("time")).drop_vars("time"),
-        f"peak_{name}_time": square.idxmax("time"),
-        peak: component.isel(time=abs(component).argmax("time")).drop_vars("time"),
-    }
+    largest = component.isel(time=abs(component).argmax("time")).drop_vars("time")
+    motions = {name: values, _PEAKS[name]: largest}
+    if name.endswith("displacement"):
+        square: xr.DataArray = (values**2).sum("component")
+        motions[f"peak_{name}"] = values.isel(time=square.argmax("time")).drop_vars("time")
+        motions[f"peak_{name}_time"] = square.idxmax("time")
+    return motions
 
 
 def _openings(run: xr.Dataset) -> dict[str, xr.DataArray]:

@@ -73,13 +73,15 @@ def _cost(comparison: xr.Dataset) -> Table:
 def _peaks(comparison: xr.Dataset) -> Table:
     """Largest values in the compared component, as the source paper's table 2."""
     axis, columns = comparison.attrs["compared_component"], []
-    for variable, dim, words in (
-        ("peak_component", "node", f"{axis} of {{}} [mm]"),
-        ("peak_relative_component", "pair", f"{axis} across {{}} [mm]"),
-        ("peak_opening", "joint", "opening of {} [mm]"),
+    for variable, dim, words, factor in (
+        ("peak_component", "node", f"{axis} of {{}} [mm]", 1e3),
+        ("peak_relative_component", "pair", f"{axis} across {{}} [mm]", 1e3),
+        ("peak_opening", "joint", "opening of {} [mm]", 1e3),
+        ("peak_acceleration_component", "node", f"{axis} of {{}} [m/s²]", 1.0),
+        ("peak_relative_acceleration_component", "pair", f"{axis} across {{}} [m/s²]", 1.0),
     ):
         for point in comparison[dim].values if variable in comparison else ():
-            columns.append((words.format(point), 1e3 * comparison[variable].sel({dim: point})))
+            columns.append((words.format(point), factor * comparison[variable].sel({dim: point})))
     rows: list[Row] = [
         (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
     ]

@@ -33,6 +33,7 @@ from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.initial_state import read_initial_state
+from romdam.scene.joint_stiffness import automatic_keys, automatic_remarks
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.joints import build_joint
 from romdam.scene.plausible import odd_remarks
@@ -148,6 +149,9 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         initial, of_state = read_initial_state(config.loads.initial_state, joints, folder, source)
         scene = replace(scene, initial=initial)
     remarks = (
+        *automatic_remarks(
+            joints.values(), {name: automatic_keys(joint) for name, joint in config.every_joint.items()}
+        ),
         *of_state,
         *files.remarks,
         *files.unused(),

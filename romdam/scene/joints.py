@@ -25,6 +25,7 @@ from romdam.geometry.facets import gap_weights, node_normals, second_moments
 from romdam.geometry.meshes.kinds import facets_by_kind
 from romdam.geometry.nearest import nearest
 from romdam.scene.gap_table import table_gap
+from romdam.scene.joint_stiffness import automatic_keys, element_stiffness, with_automatic_stiffness
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
@@ -83,6 +84,13 @@ def build_joint(
             location, share,
         )  # fmt: skip
 
+    axes = local_axes(_normals(joint, face, location))
+    of_elements = (0.0, 0.0)
+    if keys := automatic_keys(joint):
+        mean = axes[:, 0].mean(axis=0)
+        of_elements = element_stiffness(
+            (block_I, block_J), face.nodes, mean / np.linalg.norm(mean), f"{location}.{keys[0]}"
+        )
     every_gap = Joint(
         name=name,
         blocks=joint.between,
@@ -90,13 +98,14 @@ def build_joint(
         position=face.position,
         area=face.area,
         share=np.zeros(len(face.area)),
-        axes=local_axes(_normals(joint, face, location)),
+        axes=axes,
         weights=face.weights,
         at_point=face.at_point,
         water=np.zeros(len(face.area)),
         face=_linear_face(surface, face.corner),
         corner=face.corner,
-        **_properties(joint, face.area, face.position, folder, location),
+        element_stiffness=of_elements,
+        **_properties(joint, face.area, face.position, folder, location, of_elements),
     )
     joint_of_nodes = _without_held_gaps(every_gap, fixed, parts, location)
     if not isinstance(joint.spacing, float):
@@ -105,7 +114,7 @@ def build_joint(
     coarse = coarsen_gaps(joint_of_nodes, surface, joint.spacing, along, location)
     nodes, gaps = len(joint_of_nodes.area), len(coarse.area)
     _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, gaps, nodes)
-    return replace(coarse, **_properties(joint, coarse.area, coarse.position, folder, location))
+    return replace(coarse, **_properties(joint, coarse.area, coarse.position, folder, location, of_elements))
 
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
@@ -179,15 +188,21 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
         for a wrong gap table.
     """
     location = f"{source}: joints.{joint.name}"
-    properties = _properties(config, joint.area, joint.position, folder, location)
+    properties = _properties(config, joint.area, joint.position, folder, location, joint.element_stiffness)
     loads = tuple(rows for rows in joint.laws if not find_law(rows.law).parameters)  # as water in cracks
     return replace(joint, **properties | {"laws": (*properties["laws"], *loads)})
 
 
 def _properties(
-    joint: JointConfig, area: Floats, position: Floats, folder: Path, location: str
+    joint: JointConfig,
+    area: Floats,
+    position: Floats,
+    folder: Path,
+    location: str,
+    of_elements: tuple[float, float],
 ) -> dict[str, Any]:
-    """Fields of a `Joint` that depend on its parameters alone."""
+    """Fields of a `Joint` that depend on its parameters, and on the stiffness of the elements beside it."""
+    joint = with_automatic_stiffness(joint, of_elements)
     keys = joint.law_keys
     if isinstance(joint.gap, GapTable):
         gap = table_gap(folder / joint.gap.table, position, f"{location}.gap.table")

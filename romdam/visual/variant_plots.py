@@ -32,6 +32,16 @@ def opening_histories(comparison: xr.Dataset) -> Figure | None:
     return _figure(comparison, comparison.widest_opening, "joint", "opening of\n{}")
 
 
+def acceleration_histories(comparison: xr.Dataset) -> Figure | None:
+    """Acceleration of every output node in the compared component, relative to the base."""
+    return _vectors(comparison, "acceleration", "node")
+
+
+def relative_acceleration_histories(comparison: xr.Dataset) -> Figure | None:
+    """Relative acceleration of every pair in the compared component."""
+    return _vectors(comparison, "relative_acceleration", "pair")
+
+
 def quantity_histories(comparison: xr.Dataset) -> Figure:
     """Two results, see `romdam.error.two_results`: every quantity that they share, some dozen of them."""
     quantities = comparison["quantity"].values[:_MOST]
@@ -45,6 +55,8 @@ HISTORIES: dict[str, Callable[[xr.Dataset], Figure | None]] = {
     "displacement": displacement_histories,
     "relative": relative_histories,
     "opening": opening_histories,
+    "acceleration": acceleration_histories,
+    "relative_acceleration": relative_acceleration_histories,
 }
 
 
@@ -59,8 +71,10 @@ def _vectors(comparison: xr.Dataset, name: str, dim: str) -> Figure | None:
 def _figure(comparison: xr.Dataset, values: xr.DataArray, dim: str, words: str) -> Figure:
     """A row for every place: all histories, and what each is more than the reference's."""
     places, reference = values[dim].values, comparison.attrs["reference"]
-    in_unit, _, unit = scaled(values, "m")
-    off, _, small = scaled(values - values.sel(variant=reference, drop=True), "m")
+    difference = values - values.sel(variant=reference, drop=True)
+    units = str(values.attrs.get("units", "m"))
+    in_unit, _, unit = scaled(values, units)
+    off, _, small = scaled(difference, units)
     with mpl.rc_context(STYLE):
         height = 2.2 if len(places) < 4 else 1.5
         figure = Figure(figsize=(11.0, height * len(places) + 1.1), layout="constrained")

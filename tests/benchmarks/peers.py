@@ -6,11 +6,11 @@
 
 Two cantilevers (elements of 5 m) and three monoliths with Koyna's section on fixed bases, without
 friction, in the first seconds of a Northridge record. OpenSees and CalculiX run the decks of
-`romdam export`; Exudyn integrates the reduced blocks of `romdam export --to matrices`
-(`peers_exudyn.py`). Compared with: romdam's full order at 0.25 ms. CPU is that of the process that
-integrates, all of it (romdam: its integration, compiled before); a record is 30 s. Where a code is missing
-or stops, its row says so. Writes OUT/peers.json, OUT/peers.md and a picture of each scene; nothing here
-passes or fails.
+`romdam export`; in another row CalculiX searches for contact (`searching_contact.py`). Exudyn integrates the
+reduced blocks of `romdam export --to matrices` (`peers_exudyn.py`). Compared with: romdam's full order at
+0.25 ms. CPU is that of the process that integrates, all of it (romdam: its integration, compiled before); a
+record is 30 s. Where a code is missing or stops, its row says so. Writes OUT/peers.json, OUT/peers.md and a
+picture of each scene; nothing here passes or fails.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import h5py
 import numpy as np
 import yaml
 from scipy.sparse import csr_matrix
+from searching_contact import search_for_contact
 
 import romdam
 from romdam.core.errors import RomdamError
@@ -126,9 +127,16 @@ def openings(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return table[:, 0], table[:, [k for k, name in enumerate(names) if name.startswith("opening:")]]
 
 
-def deck(code: str, path: Path, folder: Path, python: Path) -> tuple[Run, np.ndarray]:
-    """Run an exported deck; also its frequencies [Hz]."""
-    export_deck(romdam.load_config(path), folder, ExportOptions(code, dt=STEPS[code]))
+def deck(
+    code: str, path: Path, folder: Path, python: Path, *, searches: bool = False
+) -> tuple[Run, np.ndarray]:
+    """Run an exported deck, with springs or with contact that `searches`; also its frequencies [Hz]."""
+    job = romdam.load_config(path)
+    export_deck(job, folder, ExportOptions(code, dt=STEPS[code]))
+    if searches:
+        search_for_contact(
+            folder, {joint.normal_stiffness for joint in job.config.every_joint.values()}.pop()
+        )
     if code == "opensees":
         cpu, said = peer([str(python), "deck.py"], folder)
     else:
@@ -208,9 +216,14 @@ def scene(name: str, raw: dict[str, Any], out: Path, python: Path, seconds: floa
         romdam.load_config(path), out / "modes", ModesOptions(joints="open", count=10)
     ).dataset.frequency.values
     off: dict[str, float] = {}
-    for label, code in (("OpenSees", "opensees"), ("CalculiX", "calculix")):
+    for label, code, searches in (
+        ("OpenSees", "opensees", False),
+        ("CalculiX", "calculix", False),
+        ("CalculiX, searching contact", "calculix", True),
+    ):
         try:
-            runs[label], frequencies = deck(code, path, out / code, python)
+            folder = out / (f"{code}_contact" if searches else code)
+            runs[label], frequencies = deck(code, path, folder, python, searches=searches)
             off[label] = float(np.abs(frequencies[: len(exact)] / exact[: len(frequencies)] - 1.0).max())
         except (RomdamError, OSError, ValueError, IndexError) as error:
             print(f"{name}, {label}: {error}", file=sys.stderr)

@@ -49,16 +49,18 @@ def annotation(parameter: Parameter) -> Any:
 
 
 def _type(parameter: Parameter) -> Any:
-    """As `annotation`, with {per_gap: value} and the word "rigid" where these are allowed."""
+    """As `annotation`, with {per_gap: value} and the words "rigid" and "auto" where these are allowed."""
     if not parameter.per_gap:
         return annotation(parameter)
     number, mapping = annotation(parameter), _per_gap(parameter.per_gap, parameter.above)
     numbers: Any = Annotated[number, Tag("number")] | Annotated[mapping, Tag("mapping")]
-    if not parameter.rigid:
+    words = [word for word, allowed in (("rigid", parameter.rigid), ("auto", parameter.auto)) if allowed]
+    if not words:
         return Annotated[numbers, by_shape(_STIFFNESS.format(", or", ""))]
+    quoted = " or ".join(f'"{word}"' for word in words)
     return Annotated[
-        numbers | Annotated[Literal["rigid"], Tag("word")],
-        by_shape(_STIFFNESS.format(",", ', or "rigid"'), "rigid"),
+        numbers | Annotated[Literal[*words], Tag("word")],
+        by_shape(_STIFFNESS.format(",", f", or {quoted}"), *words),
     ]
 
 

@@ -52,6 +52,7 @@ class Parameter:
     per_area : whether the gap's value is this times its tributary area
     per_gap : SI unit of the gap's own value, where it may be given as {per_gap: value}
     rigid : whether it may be the word "rigid", which is infinite
+    auto : whether it may be the word "auto": the scene puts a number from the elements beside the joint
     default : what a joint has that does not say; None where it then has not got the law
     required : whether every joint must say; of a section all that has no default must be there with it
     meaning : a sentence, for the manual and for editors; the law's own if empty
@@ -66,6 +67,7 @@ class Parameter:
     per_area: bool = False
     per_gap: str = ""
     rigid: bool = False
+    auto: bool = False
     default: Any = None
     required: bool = False
     meaning: str = ""

@@ -13,10 +13,12 @@ class ShearStiffness(Law):
     """Stiffness K_s while the gap sticks, from the accumulated slip; friction, cohesion or a key limit it.
 
     A joint whose tension_stiffness is its normal_stiffness is elastic: there K_s acts without a bound unless
-    another law bounds it.
+    another law bounds it. "auto" is ten times the shear stiffness of the elements beside the joint.
     """
 
-    parameters = (Parameter("shear_stiffness", "N/m^3", per_area=True, per_gap="N/m", default=0.0),)
+    parameters = (
+        Parameter("shear_stiffness", "N/m^3", per_area=True, per_gap="N/m", auto=True, default=0.0),
+    )
     array = "K_s"
 
 

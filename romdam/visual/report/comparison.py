@@ -18,6 +18,8 @@ _CAPTIONS = {
     "displacement": "Displacement of the output nodes; right, what each is more than the reference.",
     "relative": "Relative displacement; right, what each is more than the reference.",
     "opening": "The widest gap of each joint, open positive; right, what each is more than the reference.",
+    "acceleration": "Acceleration of the output nodes, relative to the base, mean over a writing interval.",
+    "relative_acceleration": "Relative acceleration, mean over a writing interval.",
     "field_displacement": "Displacement at each variant's worst step, one scale of colours for all.",
     "field_principal_stress": "Major principal stress at each variant's worst step, one scale for all.",
     "field_vertical_stress": "Vertical stress at each variant's worst step, one scale for all.",
