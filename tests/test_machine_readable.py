@@ -171,7 +171,7 @@ NOWHERE = [
     ("check", "none.yaml"), ("run", "none.yaml", "-o", "o"), ("modes", "none.yaml"), ("show", "none.yaml"),
     ("verify", "none.yaml", "-o", "o"), ("study", "none.yaml", "-o", "o"), ("certify", "none.nc"),
     ("info", "none.nc"), ("info", "none.h5"), ("plot", "none.nc"), ("compare", "a.nc", "b.nc"),
-    ("view", "none.nc"),
+    ("view", "none.nc"), ("wedges", "none.yaml"),
     ("records", "nowhere"), ("report", "nowhere"), ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
     ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"),
     ("schema", "-o", "/dev/null/x"), ("benchmarks", "--only", "none"),

@@ -72,6 +72,16 @@ def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     return [table] if table.row_count else []
 
 
+def wedges_table(rows: Sequence[Sequence[str]]) -> Table:
+    """Sliding of rock wedges, a row for each."""
+    from romdam.postprocess.wedge_histories import HEAD
+
+    table = _table("Rock wedges", HEAD[:1], HEAD[1:])
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
     from romdam.postprocess.maxima import HEAD, explained, maxima
