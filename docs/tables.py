@@ -29,7 +29,7 @@ SUBJECTS = {  # page of keys -> sections of a job
     "joints": ("joints", "ties"),
     "loads": ("loads", "water", "damping"),
     "records": ("records",),
-    "runs": ("model", "transient", "outputs", "study", "suite", "comparison"),
+    "runs": ("model", "transient", "outputs", "study", "linear_stage", "suite", "comparison"),
 }
 ROOT = Path(__file__).parents[1]
 ROOMS = ("contact", "timestepping", "effects", "reduction", "linalg", "error", "export")  # with constants

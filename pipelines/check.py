@@ -20,6 +20,7 @@ from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
+from romdam.pipelines.linear import check_linear_stage
 from romdam.pipelines.run import (
     Clock,
     Stage,
@@ -168,6 +169,8 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         if summarised:
             refuse_summary(job, None)
         usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
+        if job.config.linear_stage is not None:
+            check_linear_stage(job, motions, clock, store)
         model = build_model(job, clock, store, estimated=True)
         sibling = build_sibling(job, clock, store)
         job = with_scene_warnings(model.scene, job)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import xarray as xr
 
@@ -57,6 +57,7 @@ from romdam.pipelines.summary import (
     refuse_unmeasured,
     write_summary_files,
 )
+from romdam.postprocess.variant_tables import Table
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
@@ -69,6 +70,9 @@ from romdam.results.suite.report_data import DATA
 from romdam.results.suite.rows import Row
 from romdam.results.variables import Case
 from romdam.timestepping.simulate import refuse_other_start
+
+if TYPE_CHECKING:
+    from romdam.pipelines.linear import LinearStage
 
 log = logging.getLogger(__name__)
 
@@ -94,6 +98,7 @@ class Outcome:
     unkept : results of a run without a folder
     lone : what stands in the file of a lone record, in memory; None of several records
     written : whole path of each file, and what tells its run from others
+    stages : of each record a table of its linear stage beside the run; empty without `linear_stage`
     """
 
     paths: tuple[Path, ...]
@@ -103,6 +108,7 @@ class Outcome:
     unkept: tuple[Result, ...] = field(default=(), repr=False)
     lone: xr.Dataset | None = field(default=None, repr=False)
     written: tuple[tuple[Path, str], ...] = field(default=(), repr=False)
+    stages: tuple[Table, ...] = field(default=(), repr=False)
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
@@ -216,6 +222,11 @@ def run(
             f"nothing else of it; use romdam.{other}, or leave `pipeline` out"
         )
     clock = Clock(show)
+    if out is None and job.config.linear_stage is not None:
+        raise ConfigError(
+            f"{job.path}: linear_stage: its results are files, and a run without `out` keeps none; "
+            "give a folder"
+        )
     if out is not None:
         outputs = job.config.outputs
         goal = Goal(prepare_folder(Path(out)), outputs.plots, summary=True, rock=outputs.rock)
@@ -243,6 +254,7 @@ def _run(
     log_warnings(job, motions)
     store = open_store(cache)
     job, choice = choose_mesh_and_modes(job, motions, clock, store)
+    linear = linear_stages_of(job, motions, goal.folder, clock, store)
     model = build_model(job, clock, store, estimated=True)
     if model.prepared.goes_on_from is not None:
         with placed(job.path):
@@ -264,8 +276,28 @@ def _run(
     written_now = {*paths, *files, *([goal.folder / DATA] if files else [])}
     others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in written_now)
     lone = last.dataset if last and len(read) == 1 else None
+    stages: tuple[Table, ...] = ()
+    if linear:
+        from romdam.pipelines.linear import write_stages  # it imports this module
+
+        results = {lone.attrs["record"]: lone} if lone is not None else {}
+        for path in paths if lone is None else ():
+            with open_result(path) as result:
+                results[path.stem] = result.dataset.load()
+        stages = tuple(write_stages(linear, results, goal.folder)[0])
     written = tuple((path.absolute(), run_kept.labels) for path, run_kept in zip(paths, kept, strict=True))
-    return Outcome(paths, failures, others, files, lone=lone, written=written)
+    return Outcome(paths, failures, others, files, lone=lone, written=written, stages=stages)
+
+
+def linear_stages_of(
+    job: Job, motions: list[GroundMotion], folder: Path, clock: Clock, store: BlockStore | None
+) -> Mapping[str, LinearStage]:
+    """The linear stage of every record, where a job has one."""
+    if job.config.linear_stage is None:
+        return {}
+    from romdam.pipelines.linear import linear_stages  # it imports this module
+
+    return linear_stages(job, motions, folder, clock, store)
 
 
 def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMotion]:

@@ -15,6 +15,7 @@ from romdam.commands.caches import cache
 from romdam.commands.errors import certify, compare, study, verify
 from romdam.commands.examples import init
 from romdam.commands.export import export
+from romdam.commands.linear import linear
 from romdam.commands.modes import modes
 from romdam.commands.options import EXIT_CODES, exit_code
 from romdam.commands.runs import check, run
@@ -34,8 +35,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _COMMANDS = (
-    init, run, report, clean, check, modes, verify, certify, study, compare, info, show, plot, view, records,
-    wedges, export, benchmarks, cache, schema,
+    init, run, report, clean, check, modes, linear, verify, certify, study, compare, info, show, plot, view,
+    records, wedges, export, benchmarks, cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

@@ -168,7 +168,8 @@ def test_json_leaves_stdout_to_the_object_and_tells_the_rest_on_stderr(result):
 
 
 NOWHERE = [
-    ("check", "none.yaml"), ("run", "none.yaml", "-o", "o"), ("modes", "none.yaml"), ("show", "none.yaml"),
+    ("check", "none.yaml"), ("run", "none.yaml", "-o", "o"), ("modes", "none.yaml"),
+    ("linear", "none.yaml", "-o", "o"), ("show", "none.yaml"),
     ("verify", "none.yaml", "-o", "o"), ("study", "none.yaml", "-o", "o"), ("certify", "none.nc"),
     ("info", "none.nc"), ("info", "none.h5"), ("plot", "none.nc"), ("compare", "a.nc", "b.nc"),
     ("view", "none.nc"), ("wedges", "none.yaml"),

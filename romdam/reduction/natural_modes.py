@@ -132,7 +132,7 @@ def natural_modes(
         participation=factor,
         effective_mass=(factor / scale[:, None]) ** 2,
         motion=_motion(pencil, modes),
-        total_mass=_total_mass(scene, water),
+        total_mass=total_mass(scene, water),
         dry_freq=dry,
     )
 
@@ -228,7 +228,8 @@ def _ratios(
     return np.where(omega2 > 0.0, ratio, np.nan)
 
 
-def _total_mass(scene: Scene, water: AddedMass | None) -> Floats:
+def total_mass(scene: Scene, water: AddedMass | None) -> Floats:
+    """Mass (3,) along x, y, z of all blocks that are shaken, and of the water that moves with them [kg]."""
     shaken = [block for name, block in scene.blocks.items() if name not in scene.radiating]
     total = sum((_mass(block) for block in shaken), np.zeros(3))
     if water is None:

@@ -215,6 +215,17 @@ def _arch() -> dict[str, Any]:
             }
         ],
         "model": {"cutoff": "12 Hz"},
+        "linear_stage": {
+            "spectra": {
+                "x": {"points": [["0.01 s", "1 g"], [2.0, "0.1 g"]]},
+                "y": {"asce7": {"SDS": "1 g", "SD1": "0.6 g", "TL": "8 s"}},
+                "z": {"eurocode8": {"ag": "0.2 g", "type": 1, "ground": "B"}},
+                "damping": "5 %",
+            },
+            "combination": "srss",
+            "directions": "100_40_40",
+            "cutoff": "12 Hz",
+        },
         "transient": {"finest_step": 0.005, "duration": 0.2},
         "outputs": {"error_estimate": False, "plots": False},
     }

@@ -11,6 +11,7 @@ from pydantic import Field, Tag, model_validator
 from romdam.config.base import Model, by_shape
 from romdam.config.coupling import coupling, refuse_coupled
 from romdam.config.effects import refuse_excluded
+from romdam.config.linear_stage import refuse_linear_stage
 from romdam.config.names import Name
 from romdam.config.quantities import (
     AngularFrequency,
@@ -32,6 +33,7 @@ from romdam.config.sections.geometry.matrices import MatricesConfig, refuse_wron
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
 from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
 from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
+from romdam.config.sections.linear_stage import LinearStageConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import ElementName, NodeConfig, Vector
@@ -258,6 +260,8 @@ class Config(Model):
     transient: TransientConfig
     outputs: OutputsConfig = OutputsConfig()
     study: StudyConfig = StudyConfig()
+    linear_stage: LinearStageConfig | None = None
+    """Linear analyses with joints tied, which a run makes first."""
     pipeline: Literal["run", "suite", "comparison"] = "run"
     """A run for each record, the whole of `suite`, or the variants of `comparison`."""
     suite: SuiteConfig | None = None
@@ -321,6 +325,8 @@ class Config(Model):
         parameters = self.suite.parameters.values() if self.suite else ()
         varied = [path for parameter in parameters for path in parameter.paths]
         refuse_excluded(self)
+        if self.linear_stage is not None:
+            refuse_linear_stage(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
         refuse_coupled(coupling(self), self.transient.integrator, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"

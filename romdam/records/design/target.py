@@ -80,8 +80,23 @@ def read_target(config: TargetConfig, folder: Path) -> Target:
     )
 
 
-def evaluate(spectrum: SpectrumConfig, periods: Array, damping: float, folder: Path) -> Array:
-    """Pseudo-acceleration of a spectrum at periods (np,) [s], in m/s2; raises as `read_target` does."""
+def evaluate(
+    spectrum: SpectrumConfig,
+    periods: Array,
+    damping: float,
+    folder: Path,
+    key: str = "target.spectrum",
+    asked: str = "target.periods",
+    remedy: str = "narrow target.periods, or give more of the spectrum",
+) -> Array:
+    """Pseudo-acceleration of a spectrum at periods (np,) [s], in m/s2; raises as `read_target` does.
+
+    Parameters
+    ----------
+    periods : rising
+    key, asked, remedy : for messages: where the spectrum stands, what the periods are, and what helps where
+        it does not reach over them
+    """
     if spectrum.asce7 is not None:
         asce7 = spectrum.asce7
         ts = asce7.SD1 / asce7.SDS
@@ -103,12 +118,12 @@ def evaluate(spectrum: SpectrumConfig, periods: Array, damping: float, folder: P
         path = folder / spectrum.table
         location, points = str(path), _read_table(path, unit_in_si(str(spectrum.unit)))
     else:
-        location, points = "target.spectrum.points", np.array(spectrum.points)
+        location, points = f"{key}.points", np.array(spectrum.points)
     first, last = points[0, 0], points[-1, 0]
     if periods[0] < first * (1.0 - 1e-9) or periods[-1] > last * (1.0 + 1e-9):
         raise ConfigError(
-            f"{location}: the spectrum goes from {first:g} to {last:g} s, target.periods from "
-            f"{periods[0]:g} to {periods[-1]:g} s; narrow target.periods, or give more of the spectrum"
+            f"{location}: the spectrum goes from {first:g} to {last:g} s, {asked} from "
+            f"{periods[0]:.6g} to {periods[-1]:.6g} s; {remedy}"
         )
     return np.exp(np.interp(np.log(periods), *np.log(points).T))
 

@@ -1,0 +1,327 @@
+"""The linear stage of a job: response spectra and linear time histories with all joints tied."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import xarray as xr
+
+import romdam
+from romdam.config.linear_stage import refuse_linear_stage
+from romdam.config.load import Job, Source, load_config, naming_lines, with_lines
+from romdam.config.other_mesh import with_spacing
+from romdam.config.sections.linear_stage import LinearStageConfig
+from romdam.core.errors import ConfigError, placed
+from romdam.core.files import prepare_folder
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
+from romdam.core.threads import one_thread
+from romdam.effects.added_mass import added_mass
+from romdam.fem.stress import stress_operators
+from romdam.pipelines.input_motions import records_of
+from romdam.pipelines.job_warnings import log_warnings
+from romdam.pipelines.moving_supports import scene_of
+from romdam.pipelines.run import Clock, Goal, Stage, draw, run_motion, silent, usable_motions, write_shared
+from romdam.pipelines.simulation import Model, as_run, prepare
+from romdam.pipelines.stresses import stress_fields
+from romdam.postprocess.response_spectrum import (
+    Spectrum,
+    modal_peaks,
+    periods_of,
+    spectrum_given,
+    spectrum_of_motion,
+)
+from romdam.postprocess.stages import STAGES, stage_table
+from romdam.postprocess.variant_tables import Table
+from romdam.records.design.target import evaluate
+from romdam.reduction.natural_modes import total_mass
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.storage.staging import initial_forces, initial_stress
+from romdam.reduction.storage.user_cache import open_store
+from romdam.reduction.synthesis import reduce_scene
+from romdam.results.dataset import job_labels, library_versions, record_labels, write_dataset
+from romdam.results.joint_traction import joint_sites
+from romdam.results.response_spectrum import Structure, spectrum_dataset, structure_of, tension_over_time
+from romdam.results.stress.file import StressFields
+from romdam.results.table import write_csv
+from romdam.scene.ties import tie_joints
+
+log = logging.getLogger(__name__)
+
+FOLDER = "linear"  # of the results, beside those of the nonlinear runs
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A job with all joints tied.
+
+    Attributes
+    ----------
+    job : with the basis and the outputs of the linear stage
+    stage : its keys, or their defaults
+    scene : with its joints
+    model : with the joints tied, and the stress of its modes
+    structure : what responses are computed from
+    """
+
+    job: Job
+    stage: LinearStageConfig
+    scene: Scene
+    model: Model
+    structure: Structure
+
+
+@dataclass(frozen=True)
+class LinearStage:
+    """The linear stage of one record.
+
+    Attributes
+    ----------
+    spectrum : of the response-spectrum analysis
+    history : result of the linear time history
+    paths : files that were written
+    """
+
+    spectrum: xr.Dataset
+    history: xr.Dataset
+    paths: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class LinearOutcome:
+    """The linear stages of all records, their tables, and the files."""
+
+    stages: dict[str, LinearStage]
+    tables: tuple[Table, ...]
+    paths: tuple[Path, ...]
+
+
+@one_thread()
+@naming_lines
+def linear(job: Source, out: str | Path, show: Stage = silent, cache: Path | None = None) -> LinearOutcome:
+    """Make the linear stage of a job without its nonlinear runs; all lands in `out`/linear.
+
+    Parameters
+    ----------
+    job : as `romdam.load_config` takes one; without `linear_stage` its defaults count
+    out : folder, made if needed
+    show : told of every stage
+    cache : folder of reduced blocks
+
+    Raises
+    ------
+    RomdamError
+        for bad input, and for what a linear stage cannot be made of.
+    """
+    job, clock, store = load_config(job), Clock(show), open_store(cache)
+    refuse_unfit(job)
+    folder = prepare_folder(Path(out))
+    with clock.stage("records", "reading records"):
+        motions = usable_motions(job, records_of(job, folder), summarised=False)
+    log_warnings(job, motions)
+    stages = linear_stages(job, motions, folder, clock, store)
+    tables, paths = write_stages(stages, {}, folder)
+    every = [path for stage in stages.values() for path in stage.paths]
+    return LinearOutcome(stages, tuple(tables), (*every, *paths))
+
+
+def linear_stages(
+    job: Job, motions: Sequence[GroundMotion], folder: Path, clock: Clock, store: BlockStore | None
+) -> dict[str, LinearStage]:
+    """Make the linear stage of every record, by its name."""
+    model = build_linear_model(job, clock, store)
+    return {motion.name: linear_stage(model, motion, folder, clock) for motion in motions}
+
+
+def check_linear_stage(
+    job: Job, motions: Sequence[GroundMotion], clock: Clock, store: BlockStore | None
+) -> None:
+    """Refuse what the linear stage of a run would, short of its time histories.
+
+    Raises
+    ------
+    RomdamError
+    """
+    model = build_linear_model(job, clock, store)
+    for motion in motions[:1] if model.stage.spectra is not None else motions:
+        spectrum_at_modes(model, motion)
+
+
+def refuse_unfit(job: Job) -> None:
+    """Refuse a job of which no linear stage can be made.
+
+    Raises
+    ------
+    ConfigError
+    """
+    try:
+        refuse_linear_stage(job.config)
+    except ValueError as error:
+        raise ConfigError(f"{job.path}: {error}") from None
+
+
+def build_linear_model(job: Job, clock: Clock, store: BlockStore | None) -> LinearModel:
+    """Tie the joints of a job and reduce what is then one structure, with all modes below the cut-off.
+
+    Raises
+    ------
+    RomdamError
+        where joints cannot be tied, and where the structure moves as a rigid body or its modes are coupled.
+    """
+    stage = job.config.linear_stage or LinearStageConfig()
+    job = with_spacing(job, None)
+    with clock.stage("linear_scene", "tying the joints"), placed(job.path):
+        scene = scene_of(job)
+        tied = tie_joints(scene, list(scene.joints), job.config.every_joint, str(job.path))
+    for line in with_lines(job, _remarks(job, scene)):
+        log.warning("%s", line)
+    job = _linear_job(job, stage)
+    with clock.stage("linear_model", "reducing the dam with tied joints"), placed(job.path):
+        reduced = reduce_scene(tied, job.config.model, job.config.damping, store)
+        system = reduced.system
+        if not system.diagonal or not system.K.diagonal().min() > 0.0:
+            why = "has coupled modes" if not system.diagonal else "moves as a rigid body"
+            raise ConfigError(
+                f"{job.path}: linear_stage: the structure with tied joints {why}, and a response spectrum "
+                "needs modes with a frequency each; hold it by supports, without damping matrices of blocks"
+            )
+        prepared = prepare(job, system)
+    with clock.stage("linear_stress", "stress of the modes, joints tied"):
+        model = Model(tied, prepared, reduced)
+        fields = _stress(scene, model)
+        model = replace(model, stress=fields)
+        at_joints = None
+        if scene.joints:
+            sites = joint_sites(scene)
+            at_joints = _stress(
+                replace(scene, stress=sites), Model(replace(tied, stress=sites), prepared, reduced)
+            )
+        structure = structure_of(scene, system, fields, at_joints, job.config.loads.begins)
+    return LinearModel(job, stage, scene, model, structure)
+
+
+def _stress(scene: Scene, model: Model) -> dict[str, StressFields]:
+    """Stress of the modes; what acted before the joints were grouted acted on the blocks of `scene` alone."""
+    fields = stress_fields(model.scene, model.reduced)
+    if not scene.staged_weight:
+        return fields
+    stress, forces = initial_stress(scene, stress_operators(scene)), initial_forces(scene)
+    return {
+        name: replace(one, offset=stress[name], section_offset=forces[name]) for name, one in fields.items()
+    }
+
+
+def _linear_job(job: Job, stage: LinearStageConfig) -> Job:
+    """The job with the basis of its linear stage, and without what states errors of joints."""
+    model = job.config.model.model_copy(update={"modes": None, "cutoff": stage.cutoff, "residual_vectors": 0})
+    outputs = job.config.outputs.model_copy(
+        update={"error_estimate": False, "mesh_error": False, "floor_spectra": None}
+    )
+    title = f"{job.config.title or job.stem}, linear, joints tied"
+    changed = {"model": model, "outputs": outputs, "title": title}
+    return replace(job, config=job.config.model_copy(update=changed))
+
+
+def _remarks(job: Job, scene: Scene) -> list[str]:
+    """What tied joints leave out of a job."""
+    remarks, joints = [], scene.joints.values()
+    if (wide := max((float(joint.gap.max()) for joint in joints), default=0.0)) > 0.0:
+        remarks.append(
+            f"linear_stage: initial gaps of up to {1e3 * wide:.3g} mm are taken as closed and glued"
+        )
+    if any(joint.water.any() or joint.uplift is not None for joint in joints):
+        remarks.append(
+            "loads.joint_water: presses both faces of a tied joint alike, so that it does nothing in the "
+            "linear stage; its stress is total, that of pores not taken off"
+        )
+    if any(joint.grout.any() for joint in joints):
+        remarks.append("linear_stage: the pressure of grouting is left out, as tied joints have no gaps")
+    if isinstance(job.config.damping.modal, tuple):
+        remarks.append(
+            "damping.modal: its ratios are those of the modes with tied joints in the linear stage, in order"
+        )
+    return remarks
+
+
+def spectrum_at_modes(linear: LinearModel, motion: GroundMotion) -> tuple[Spectrum, list[str]]:
+    """The spectrum at the modes below the cut-off, and what is doubtful about it.
+
+    Raises
+    ------
+    ConfigError
+        for a spectrum that does not reach over the modes, and for modes that are damped critically.
+    """
+    system, stage, job = linear.model.system, linear.stage, linear.job
+    with placed(job.path):
+        if stage.spectra is None:
+            return spectrum_of_motion(system, as_run(job, motion), stage.cutoff), []
+        periods, ordinates = periods_of(system, stage.cutoff), {}
+        for axis, one in stage.spectra.by_axis.items():
+            ordinates[axis] = evaluate(
+                one,
+                periods,
+                stage.spectra.damping,
+                job.folder,
+                f"linear_stage.spectra.{axis}",
+                "the modes and linear_stage.cutoff",
+                "give the spectrum over all of these, or lower linear_stage.cutoff",
+            )
+        return spectrum_given(system, stage.cutoff, ordinates, stage.spectra.damping)
+
+
+def linear_stage(linear: LinearModel, motion: GroundMotion, folder: Path, clock: Clock) -> LinearStage:
+    """Make the response-spectrum analysis and the linear time history of one record.
+
+    Parameters
+    ----------
+    folder : of the results; all lands in `FOLDER` in it
+    """
+    place, job = prepare_folder(folder / FOLDER), linear.job
+    goal = Goal(place, job.config.outputs.plots, summary=False, rock=job.config.outputs.rock)
+    files = write_shared(place, linear.model, rock=goal.rock)
+    finished = run_motion(job, linear.model, motion, (goal, lambda: (linear.model, files)), clock)
+    with clock.stage("response_spectrum", f"response spectrum of {motion.name}"):
+        spectrum, warnings = spectrum_at_modes(linear, motion)
+        load, stiffness = linear.model.system.load, linear.model.system.K.diagonal()
+        rules = linear.stage.combination, linear.stage.directions
+        peaks = modal_peaks(load, stiffness, spectrum, *rules)
+        tied = linear.model.scene
+        dataset = spectrum_dataset(linear.structure, spectrum, peaks, total_mass(tied, added_mass(tied)))
+        assert finished.case.history.q is not None
+        of_history = tension_over_time(linear.structure, finished.case.history.q)
+        dataset = dataset.merge(of_history, combine_attrs="drop_conflicts")
+        dataset.attrs |= job_labels(job) | record_labels(motion)
+        dataset.attrs |= {
+            "source": f"romdam {romdam.__version__}",
+            "versions": library_versions(),
+            "joints": "tied",
+            "combination": linear.stage.combination,
+            "directions": linear.stage.directions,
+            "cutoff_hz": linear.stage.cutoff,
+            "spectrum": "of the record at each mode's damping" if linear.stage.spectra is None else "given",
+            "run_warnings": json.dumps(warnings),
+        }
+        path = place / f"{motion.name}-spectrum.nc"
+        write_dataset(dataset, path)
+    for warning in warnings:
+        log.warning("%s: %s", motion.name, warning)
+    if goal.figures:
+        with clock.stage("plots", "drawing figures"):
+            draw(finished.dataset, place, finished.path.stem)
+    return LinearStage(dataset, finished.dataset, (finished.path, path))
+
+
+def write_stages(
+    stages: Mapping[str, LinearStage], nonlinear: Mapping[str, xr.Dataset], folder: Path
+) -> tuple[list[Table], list[Path]]:
+    """Write a table for each record: the response spectrum, the linear history, and the nonlinear run."""
+    tables, paths = [], []
+    for record, stage in stages.items():
+        table = stage_table(record, stage.spectrum, stage.history, nonlinear.get(record))
+        tables.append(table)
+        paths.append(write_csv(table.head, table.rows, folder / FOLDER / f"{record}-{STAGES}.csv"))
+    return tables, paths

@@ -1,0 +1,46 @@
+"""What a linear stage with tied joints cannot be made of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from romdam.config.effects import EFFECTS
+
+if TYPE_CHECKING:
+    from romdam.config.sections.job import Config
+
+_COUPLED = "couples the modes, which a response spectrum needs one by one"
+_WITHOUT = {
+    "compressible water": f"{_COUPLED}; set water.model: incompressible",
+    "viscous boundary": f"{_COUPLED}; fix the rock at its boundary, with `mass: false`",
+    "free field": f"{_COUPLED}; set ground.input: uniform",
+    "moving supports": "has several motions of the ground, and a response spectrum is of one; leave it out",
+    "force histories": "is a force in time, which no response spectrum knows; leave it out",
+}
+
+
+def refuse_linear_stage(config: Config) -> None:
+    """Refuse what the linear stage of a job cannot have.
+
+    Raises
+    ------
+    ValueError
+        with the key, the reason and the remedy.
+    """
+    if config.pipeline != "run":
+        raise ValueError(
+            f"linear_stage: is made for each record of a job, and pipeline: {config.pipeline} has other "
+            "runs; leave one of the two out"
+        )
+    if config.model.order != "reduced":
+        raise ValueError(
+            "linear_stage: needs the modes of a reduced model, and model.order is full; set it to reduced"
+        )
+    if not isinstance(config.loads.initial_state, str):
+        raise ValueError(
+            "linear_stage: loads.initial_state is the end of a run with open joints, and the linear stage "
+            "has them tied; leave one of the two out"
+        )
+    for name, reason in _WITHOUT.items():
+        if EFFECTS[name].acts(config):
+            raise ValueError(f"linear_stage: {EFFECTS[name].key} {reason}")
