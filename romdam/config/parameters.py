@@ -34,7 +34,7 @@ def _places(laws: Iterable[type[Law]]) -> dict[str, Parameter]:
     keys = {}
     for law in laws:
         for parameter in law.parameters:
-            if parameter.unit != "axes":
+            if parameter.unit != "axes" and not parameter.choices:
                 keys[f"{law.section}.{parameter.name}".removeprefix(".")] = parameter
             if parameter.per_gap:
                 keys[f"{parameter.name}.per_gap"] = replace(parameter, unit=parameter.per_gap, rigid=False)

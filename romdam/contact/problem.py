@@ -40,9 +40,9 @@ from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.laws.catalogue import find_law, source_of
 from romdam.contact.laws.compiled import Functions, compiled
 from romdam.contact.laws.coulomb import Coulomb
-from romdam.contact.laws.law import ENTRIES, MU_J, MU_K, STEP_ENTRIES, Law
+from romdam.contact.laws.law import ENERGY, ENTRIES, MU_J, MU_K, STEP_ENTRIES, Law
 from romdam.contact.solvers.state import solver_state
-from romdam.core.arrays import Bools, Floats, Record, record, record_type
+from romdam.core.arrays import Bools, Floats, Ints, Record, record, record_type
 from romdam.core.errors import ConfigError
 from romdam.core.system import GapLaw, LawRows
 
@@ -63,6 +63,7 @@ class Laws(NamedTuple):
     start : (L, n, s) memory of the unloaded gaps
     strength : (L,) whether the law releases a strength
     follows_step : (L,) whether the bounds of the law depend on the solution of the step
+    energy : (L, 2) entries of the memory that are stored and dissipated energy [J]; -1 without
     dashpot_share : (n,) share of the normal dashpot in the stiffness of a closed gap over the step
     per_second : (1,) 1 / dt; 0 in statics [1/s]
     functions : compiled functions of the laws
@@ -73,6 +74,7 @@ class Laws(NamedTuple):
     start: Floats
     strength: Bools
     follows_step: Bools
+    energy: Ints
     dashpot_share: Floats
     per_second: Floats
     functions: Functions
@@ -304,6 +306,10 @@ def _laws(law: GapLaw, stiffness: Floats, dt: float) -> Laws:
         start=law_memory(law, lambda each, values, i: each.initial(values, law.gap[i])),
         strength=np.array([each.strength for each in laws], dtype=np.bool_),
         follows_step=np.array([each.follows_step for each in laws], dtype=np.bool_),
+        energy=np.array(
+            [[each.memory.index(name) if name in each.memory else -1 for name in ENERGY] for each in laws],
+            dtype=np.int64,
+        ).reshape(-1, 2),
         dashpot_share=dashpot_share,
         per_second=np.array([1.0 / dt]),
         functions=compiled(laws),

@@ -7,14 +7,15 @@ history of the gap when the step is accepted (`commit_laws`).
 
 **Limits that depend on the step.** A limit may depend on slip, slip rate, normal force and opening of the
 step itself. The step is solved with fixed limits, which are then corrected until they agree with the solution
-(`follow_step`). Newton corrects the shears T of all sliding gaps together. For fixed normal forces and
-directions of slip a change dT changes the slips by -A dT, with A the part of W along these directions:
+(`follow_step`). Newton corrects the shears of all sliding gaps, and the tensions of all that open against
+one, together. With X these forces, L their limits at the present slips and openings, and L' the slopes of L
+with these, a change dX changes slips and openings by -A dX, with A the part of W along these forces, and
 
-    T + dT = L - L' A dT,
+    X + dX = L - L' A dX.
 
-where L is the limit at the present slip, and L' its slope with the slip. If a limit falls faster with the
-slip than the gaps can unload, the step has several solutions, and Newton might find an unstable one. There L'
-is set to zero: this fixed-point iteration converges to the next stable solution.
+Forces of other gaps are taken as fixed, or, if that does not converge soon, as what keeps them closed and
+stuck. If a limit falls faster than the gaps can unload, the step has several solutions, and Newton might find
+an unstable one. There L' is set to zero: this fixed-point iteration converges to the next stable solution.
 
 The functions take p_c, the unilateral part of the normal force, see `romdam.contact.problem`.
 """
@@ -25,7 +26,7 @@ import math
 
 import numpy as np
 
-from romdam.contact.components import SHEAR_J, SHEAR_K
+from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import shear_limits, slides
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.compiled import FAILED, GAVE_UP
@@ -45,14 +46,16 @@ from romdam.contact.laws.law import (
     TENSION,
     WATER,
 )
-from romdam.contact.problem import COMMIT, LIMIT, RELEASE, GapMemory, GapProblem, Laws
+from romdam.contact.problem import COMMIT, LIMIT, RELEASE, GapMemory, GapProblem, Laws, Limits
 from romdam.contact.solvers.newton import add_row, on_resultant
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConvergenceError
 from romdam.core.jit import ARRAYS, copy, njit
-from romdam.core.system import SLIP
+from romdam.core.system import OPEN, SLIP
 
 _NEARBY = 1e-4  # of the expected slip: distance of the finite difference for the slope of a limit
+_CLOSE = 1e-6  # of the crack's opening, or of what it is expected to become: the same for an opening
+_REGULAR = 1e-12  # of the diagonal: gaps that determine each other share their force
 _STEEPEST = 0.5  # fall of a limit per fall of the shears that causes it, above which its slope is left out
 
 
@@ -228,8 +231,7 @@ def observe_step(laws: Laws | None, problem: GapProblem, memory: GapMemory, y: F
             limit_j, limit_k = shear_limits(memory.limits, i, p)
             if slides(limit_j, limit_k, memory.force[b + SHEAR_J], memory.force[b + SHEAR_K]):
                 step[SLIDING] = 1.0
-                if p > 0.0:
-                    step[SLIP_J], step[SLIP_K] = y[b + SHEAR_J], y[b + SHEAR_K]
+                step[SLIP_J], step[SLIP_K] = y[b + SHEAR_J], y[b + SHEAR_K]
         step[OPENING] = (
             y[b] - problem.compliance[b] * memory.force[b] + laws.dashpot_share[i] * memory.spring[b]
         )
@@ -263,23 +265,24 @@ def release(laws: Laws | None, memory: GapMemory) -> int:
 
 @njit(cache=True, inline="always")
 def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
-    """Compute the limits of the shear of gap i along j and k, 0 if it is open [N]."""
-    return shear_limits(memory.limits, i, p) if p > 0.0 else (0.0, 0.0)
+    """Compute the limits of the shear of gap i along j and k [N]."""
+    return shear_limits(memory.limits, i, max(p, 0.0))
 
 
 @njit(**ARRAYS)
 def follow_step(
-    laws: Laws | None, problem: GapProblem, memory: GapMemory, tolerance: float, share: float
+    laws: Laws | None, problem: GapProblem, memory: GapMemory, tolerance: float, share: float, coupled: bool
 ) -> float:
     """Correct the limits that depend on the step, from the solution in `memory.step`.
 
     If the limits of that solution differ from those with which it was computed by more than the tolerance,
-    Newton's limits are set, see the module. Otherwise those of the solution are.
+    Newton's limits are set, see the module. Otherwise those with which it was computed stay.
 
     Parameters
     ----------
     tolerance : change of a limit, relative to the largest force, that counts as none
     share : fraction of Newton's correction that is applied; below 1 it ends cycles
+    coupled : whether the forces of closed and of sticking gaps answer a change of the limits
 
     Returns
     -------
@@ -289,81 +292,185 @@ def follow_step(
         return 0.0
     n, limits, force = len(problem.gap), memory.limits, memory.force
     d = len(force) // max(n, 1)
-    sliding, shear = np.empty(n, dtype=np.int64), np.empty(n)  # gaps that Newton corrects, and their |T|
-    missing, slope = np.empty(n), np.empty(n)  # L - |T|, and L'
+    used = Limits(limits.cohesion.copy(), limits.mu.copy(), limits.tension.copy())
+    # the limits that Newton corrects: of gap `of`, its tension (NORMAL) or its shear (SHEAR_J), the force X
+    # along `heading`, L - X, and the slope of L with the opening and the slip of the gap
+    of, kind = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=np.int64)
+    X, missing, slope, heading = np.empty(2 * n), np.empty(2 * n), np.zeros((2 * n, 2)), np.zeros((2 * n, d))
+    tensions, corrected = 0, np.zeros((n, d), dtype=np.bool_)
     count, worst, largest, nearby = 0, 0.0, 1e-300, np.empty(STEP_ENTRIES)
     for i in range(n):
         b, follows = d * i, False
         for k in range(len(laws.on)):
             follows = follows or (laws.follows_step[k] and laws.on[k, i])
         p = force[b] + limits.tension[i]
-        largest = max(largest, abs(p))
+        largest = max(largest, abs(p), abs(force[b]))
         if not follows:
             continue
-        used_j, used_k = _bounds(memory, i, p)
-        tension, water = limits.tension[i], memory.water[i]
-        if not _set_limits_of(laws, problem.whole, memory, i, memory.step[i]):
+        step, water = memory.step[i], memory.water[i]
+        if not _set_limits_of(laws, problem.whole, memory, i, step):
             return 0.0
-        worst = max(worst, abs(limits.tension[i] - tension), abs(memory.water[i] - water))
-        largest = max(largest, abs(water))
-        if d == 1:
-            continue
-        bound_j, bound_k = _bounds(memory, i, p)
-        bound, T = min(bound_j, bound_k), math.hypot(force[b + SHEAR_J], force[b + SHEAR_K])
-        slip = math.hypot(memory.step[i, SLIP_J], memory.step[i, SLIP_K])
-        disc = on_resultant(limits, i)
-        if p <= 0.0 or not math.isfinite(bound) or T == 0.0 or (slip == 0.0 and bound >= T):
-            continue  # open, unlimited, or stuck with the old limit and with the new one
-        if not disc:  # a limit for each direction: the new ones are taken without Newton
-            for new, used in ((bound_j, used_j), (bound_k, used_k)):
-                if math.isfinite(new) or math.isfinite(used):
-                    worst = max(worst, abs(new - used))
-            continue
-        worst = max(worst, abs(bound - T))
-        A = _along(problem.W, force, i, i, T, T)
-        move = _NEARBY * max(A * abs(bound - T), slip)
-        copy(memory.step[i], nearby)
-        for entry in (SLIP_J, SLIP_K):
-            nearby[entry] = -(slip + move) * force[b + SHEAR_J + entry - SLIP_J] / T
-        nearby[RATE] = (slip + move) * laws.per_second.item()
-        if not _set_limits_of(laws, problem.whole, memory, i, nearby):
-            return 0.0
-        slope[count] = (min(_bounds(memory, i, p)) - bound) / move if move > 0.0 else 0.0
-        _set_limits_of(laws, problem.whole, memory, i, memory.step[i])
-        sliding[count], shear[count], missing[count] = i, T, bound - T
-        count += 1
+        tension = limits.tension[i]
+        worst, largest = max(worst, abs(memory.water[i] - water)), max(largest, abs(water))
+        pulled = step[PULLED] > 0.0 and (tension > 0.0 or used.tension[i] > 0.0)
+        bound, T, slip, shears = 0.0, 0.0, 0.0, False
+        if d == 3:
+            used_j, used_k = shear_limits(used, i, max(p, 0.0))
+            bound_j, bound_k = _bounds(memory, i, p)
+            bound, T = min(bound_j, bound_k), math.hypot(force[b + SHEAR_J], force[b + SHEAR_K])
+            slip = math.hypot(step[SLIP_J], step[SLIP_K])
+            # not if it is open, unlimited, or stuck with the old limit and with the new one
+            shears = math.isfinite(bound) and T > 0.0 and (slip > 0.0 or bound < T)
+            if T == 0.0 and max(used_j, used_k) == 0.0 and math.isfinite(bound):  # it had no limit to reach
+                worst = max(worst, bound)
+            if shears and not on_resultant(limits, i):  # of two limits the new ones are taken without Newton
+                shears = False
+                for new, old in ((bound_j, used_j), (bound_k, used_k)):
+                    if math.isfinite(new) or math.isfinite(old):
+                        worst = max(worst, abs(new - old))
+        first, crack = count, step[OPENING] + problem.compliance[b] * force[b]
+        if pulled:
+            of[count], kind[count], X[count] = i, NORMAL, used.tension[i]
+            missing[count], heading[count, NORMAL] = tension - used.tension[i], -1.0
+            corrected[i, NORMAL] = True
+            count, tensions = count + 1, tensions + 1
+        elif force[b] < -tension:
+            worst = max(worst, abs(tension - used.tension[i]))
+        if shears:
+            of[count], kind[count], X[count], missing[count] = i, SHEAR_J, T, bound - T
+            heading[count, SHEAR_J], heading[count, SHEAR_K] = force[b + SHEAR_J] / T, force[b + SHEAR_K] / T
+            corrected[i, SHEAR_J], corrected[i, SHEAR_K] = True, True
+            count += 1
+        for a in range(first, count):  # slopes with the opening, and with the slip
+            along_slip = kind[a] == SHEAR_J
+            A = _along(problem.W, i, i, heading[a], heading[a])
+            move = _NEARBY * max(A * abs(missing[a]), slip)
+            copy(step, nearby)
+            if along_slip:
+                for entry in (SLIP_J, SLIP_K):
+                    nearby[entry] = -(slip + move) * heading[a, entry - SLIP_J + SHEAR_J]
+                nearby[RATE] = (slip + move) * laws.per_second.item()
+            else:
+                move = _CLOSE * max(A * abs(missing[a]), crack)
+                nearby[OPENING] += move
+            if not _set_limits_of(laws, problem.whole, memory, i, nearby):
+                return 0.0
+            for c in range(first, count):
+                new, at = limits.tension[i], tension
+                if kind[c] == SHEAR_J:
+                    new, at = min(_bounds(memory, i, p)), bound
+                slope[c, int(along_slip)] = (new - at) / move if move > 0.0 else 0.0
+            own = 0.0 if along_slip else max(slope[a, 0], 0.0)  # a steep secant makes much of round-off
+            worst = max(worst, abs(missing[a]) / (1.0 + own * A))
+        if first < count:
+            _set_limits_of(laws, problem.whole, memory, i, step)
     if worst <= tolerance * largest:
+        for i in range(n):
+            limits.tension[i] = used.tension[i]
+            limits.cohesion[i], limits.mu[i] = used.cohesion[i], used.mu[i]
         return worst / largest
-    system = np.eye(count)
+    A = np.empty((count, count))
     for a in range(count):
-        row = np.empty(count)
         for c in range(count):
-            row[c] = slope[a] * _along(problem.W, force, sliding[a], sliding[c], shear[a], shear[c])
-        if slope[a] >= 0.0 or np.abs(row).sum() <= _STEEPEST:
-            system[a] += row
-    change = np.linalg.solve(system, missing[:count])
+            A[a, c] = _along(problem.W, of[a], of[c], heading[a], heading[c])
+    if coupled and tensions > 0:
+        _answer_of_others(problem.W, memory, d, of[:count], heading[:count], corrected, A)
+    change = _newton(slope[:count], A, of[:count], kind[:count], missing[:count], tensions > 0)
     for a in range(count):
-        i = sliding[a]
-        p = force[3 * i] + limits.tension[i]
-        bound = max(shear[a] + share * change[a], 0.0)
+        i = of[a]
+        new = max(X[a] + share * change[a], 0.0)
+        if kind[a] == NORMAL:
+            limits.tension[i] = new
+            continue
+        p = max(force[d * i] + used.tension[i], 0.0)
         for b in range(2):
-            limits.mu[i, b] = max((bound - limits.cohesion[i, b]) / p, 0.0)
+            if new < limits.cohesion[i, b] or p == 0.0:
+                limits.cohesion[i, b], limits.mu[i, b] = new, 0.0
+            else:
+                limits.mu[i, b] = (new - limits.cohesion[i, b]) / p
     return worst / largest
 
 
-@njit(cache=True, inline="always")
-def _along(W: Floats, force: Floats, i: int, k: int, shear_i: float, shear_k: float) -> float:
-    """Compute an entry of A: displacement of gap i along its shear per shear of gap k [m/N].
+@njit(cache=True)
+def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pulled: bool) -> Floats:
+    """Solve (I + L' A) dX = L - X; falling slopes are left out if the gaps cannot unload as fast.
 
     Parameters
     ----------
-    shear_i, shear_k : |T| of both gaps, which divide the vectors `force` to directions [N]
+    slope : (m, 2) of each limit with the opening and the slip of its gap [N/m]
+    A : (m, m) jumps per force along the corrected forces [m/N]
+    pulled : whether tensions are among the limits: then the solution is stable if all pivots are positive
     """
-    total = 0.0
-    for a in (SHEAR_J, SHEAR_K):
-        for c in (SHEAR_J, SHEAR_K):
-            total += force[3 * i + a] * W[3 * i + a, 3 * k + c] * force[3 * k + c]
-    return total / (shear_i * shear_k)
+    count = len(missing)
+    rows = np.zeros((count, count))
+    for a in range(count):
+        for c in range(count):
+            if of[c] == of[a]:
+                rows[a] += slope[a, int(kind[c] == SHEAR_J)] * A[c]
+    stable = True
+    if pulled:
+        left = rows + np.eye(count)
+        for a in range(count):
+            stable = stable and left[a, a] > 0.0
+            for c in range(a + 1, count if stable else 0):
+                left[c, a:] -= left[c, a] / left[a, a] * left[a, a:]
+    system = np.eye(count)
+    for a in range(count):
+        own = slope[a, int(kind[a] == SHEAR_J)]
+        if own >= 0.0 or (stable if pulled else np.abs(rows[a]).sum() <= _STEEPEST):
+            system[a] += rows[a]
+    return np.asarray(np.linalg.solve(system, missing))
+
+
+@njit(cache=True)
+def _answer_of_others(
+    W: Floats, memory: GapMemory, d: int, of: Ints, heading: Floats, corrected: Bools, A: Floats
+) -> None:
+    """Take from A the jumps that closed and sticking gaps hold back, as far as they keep closed and stuck."""
+    force, limits, n, m = memory.force, memory.limits, len(corrected), len(of)
+    holds, number = np.empty(d * n, dtype=np.int64), 0
+    for i in range(n):
+        p = force[d * i] + limits.tension[i]
+        for e in range(d):
+            stuck = p > 0.0 if e == NORMAL else memory.step[i, SLIDING] == 0.0 and force[d * i + e] != 0.0
+            if stuck and not corrected[i, e]:
+                holds[number] = d * i + e
+                number += 1
+    if number == 0:
+        return
+    inner, across = np.empty((number, number)), np.empty((number, m))
+    for a in range(number):
+        for c in range(number):
+            inner[a, c] = W[holds[a], holds[c]]
+        inner[a, a] *= 1.0 + _REGULAR
+        for c in range(m):
+            across[a, c] = 0.0
+            for e in range(d):
+                across[a, c] += W[holds[a], d * of[c] + e] * heading[c, e]
+    A -= across.T @ np.linalg.solve(inner, across)
+
+
+@njit(cache=True, inline="always")
+def _along(W: Floats, i: int, k: int, heading_i: Floats, heading_k: Floats) -> float:
+    """Compute an entry of A: displacement of gap i along its heading per force of gap k along its [m/N]."""
+    total, d = 0.0, 3 if len(heading_i) == 3 else 1
+    for a in range(d):
+        for c in range(d):
+            if heading_i[a] != 0.0 and heading_k[c] != 0.0:
+                total += heading_i[a] * W[d * i + a, d * k + c] * heading_k[c]
+    return total
+
+
+@njit(cache=True)
+def law_energies(laws: Laws, memory: GapMemory, i: int) -> tuple[float, float]:
+    """Energies of gap i that its laws keep in their memory: stored, and dissipated since the start [J]."""
+    stored, dissipated = 0.0, 0.0
+    for k in range(len(laws.on)):
+        if laws.on[k, i] and laws.energy[k, 0] >= 0:
+            stored += memory.history[k, i, laws.energy[k, 0]]
+        if laws.on[k, i] and laws.energy[k, 1] >= 0:
+            dissipated += memory.history[k, i, laws.energy[k, 1]]
+    return stored, dissipated
 
 
 @njit(cache=True)
@@ -382,8 +489,10 @@ def commit_laws(laws: Laws, memory: GapMemory, i: int, opening: float, state: in
     """
     has_lost, step = False, memory.last_step[i]
     copy(memory.step[i], step)
-    step[OPENING], step[NORMAL_FORCE], step[SLIDING] = opening, force, 1.0 if state == SLIP else 0.0
-    if state != SLIP:
+    step[OPENING], step[NORMAL_FORCE] = opening, force
+    if state != OPEN:  # an open gap slides as the solution had it: one that a bond pulls may have a limit
+        step[SLIDING] = 1.0 if state == SLIP else 0.0
+    if step[SLIDING] == 0.0:
         step[SLIP_J], step[SLIP_K], step[RATE] = 0.0, 0.0, 0.0
     for k in range(len(laws.on)):
         history, trial = memory.history[k, i], memory.trial[k, i]

@@ -268,14 +268,17 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
     memory, (q, v) = None, history.coordinates.row(row)
     if law.laws:
         has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
-        rate = _slip_rate(history, row)
+        rate, widest = _slip_rate(history, row), history.jump[: row + 1, :, 0].max(axis=0)
+        path = _slip_path(history, row)
         if law.memory.size:  # what a gap lost in the grouting of other joints it has not
             fresh = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
             has_moved |= (law.memory != fresh).any(axis=(0, 2))
 
         def resumed(each: type[Law], values: Floats, i: int) -> tuple[float, ...]:
             sliding, opening = bool(history.state[row, i] == SLIP), float(jump[i, 0])
-            return each.resumed(values, Past(law.gap[i], opening, sliding, bool(has_moved[i]), rate[i]))
+            moved = bool(has_moved[i])
+            past = Past(law.gap[i], opening, sliding, moved, rate[i], float(widest[i]), float(path[i]))
+            return each.resumed(values, past)
 
         memory = law_memory(law, resumed)
     return Start(q, v, jump, history.traction[row], memory)
@@ -287,3 +290,9 @@ def _slip_rate(history: History, row: int) -> Floats:
         return np.zeros(history.jump.shape[1])
     slip = history.jump[row, :, 1:] - history.jump[row - 1, :, 1:]
     return np.sqrt((slip**2).sum(axis=1)) / (history.time[row] - history.time[row - 1])
+
+
+def _slip_path(history: History, row: int) -> Floats:
+    """Length (ng,) of the slip of all intervals until a row that end with a gap sliding [m]."""
+    slip = np.diff(history.jump[: row + 1, :, 1:], axis=0)
+    return np.asarray((np.sqrt((slip**2).sum(axis=2)) * (history.state[1 : row + 1] == SLIP)).sum(axis=0))

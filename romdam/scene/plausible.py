@@ -7,6 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
+from romdam.contact.laws import Fracture
+from romdam.contact.laws.catalogue import source_of
 from romdam.core.errors import listed
 from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.geometry.facets import boundary_facets, facet_areas
@@ -54,6 +56,7 @@ def odd_remarks(
         remarks += _slender(block)
     for joint in scene.joints.values():
         remarks += _stiffness(joint, scene.blocks)
+        remarks += _process_zone(joint, scene.blocks)
     for name, joint in scene.joints.items():
         if name not in generated:
             remarks += _partly(joint, scene.blocks)
@@ -149,6 +152,23 @@ def _stiffness(joint: Joint, blocks: dict[str, Block]) -> list[str]:
                 f"element has (E/h = {modulus / size:.3g} N/m3); {exact}"
             )
     return remarks
+
+
+def _process_zone(joint: Joint, blocks: dict[str, Block]) -> list[str]:
+    """Gaps farther apart than the length over which a crack softens, E G_f / f_t^2 (Hillerborg)."""
+    rows = next((rows.values for rows in joint.laws if rows.law == source_of(Fracture)), None)
+    if rows is None:
+        return []
+    spacing = float(np.sqrt(np.median(joint.area)))
+    modulus = min(blocks[name].material.E for name in joint.blocks)
+    length = Fracture.process_zone(rows[0], float(joint.area[0]), modulus)
+    if spacing <= length:
+        return []
+    return [
+        f"joints.{joint.name}.fracture: gaps are {spacing:.3g} m apart, farther than E G_f / f_t^2 = "
+        f"{length:.3g} m, over which a crack softens: cracks depend on the spacing, and loads at "
+        "cracking are too high; take smaller elements or spacing, or lower tensile_strength"
+    ]
 
 
 def _added_up(scene: Scene) -> list[str]:

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
+from romdam.contact.laws.law import NORMAL_FORCE, OPENING
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory, gap_problem
-from romdam.contact.softening import put_limits, refuse_failed_law
+from romdam.contact.softening import law_energies, put_limits, refuse_failed_law
 from romdam.contact.solvers.state import forget_product, make_hasty, solver_state
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
@@ -198,7 +199,8 @@ def resumed(system: System, start: Start) -> GapState:
     problem = system_gap_problem(system, np.zeros((len(law) * d, len(law) * d)))
     memory = gap_memory(problem)
     if len(history):
-        memory.trial[:] = history
+        memory.trial[:] = memory.history[:] = history
+        memory.step[:, OPENING], memory.step[:, NORMAL_FORCE] = start.jump[:, NORMAL], p_c[:, NORMAL]
     put_limits(problem, memory)
     bonded = memory.limits.tension > 0.0
     p_c[:, NORMAL] = np.where(bonded, p_c[:, NORMAL], np.maximum(p_c[:, NORMAL] + tension, 0.0))
@@ -206,6 +208,8 @@ def resumed(system: System, start: Start) -> GapState:
     if d == 3:
         slip = start.jump[:, 1:] + compliance[:, 1:] * start.traction[:, 1:]
     stored = 0.5 * (compliance * p_c**2).sum() + 0.5 * (tension * start.jump[:, NORMAL]).sum()
+    if problem.laws is not None:
+        stored += sum(law_energies(problem.laws, memory, i)[0] for i in range(len(law)))
     closed = (p_c[:, NORMAL] > 0.0).astype(np.uint8)
     return GapState(
         start.jump.copy(),

@@ -47,6 +47,8 @@ class Gap(NamedTuple):
     weakening : the same with the path of all slip in place of that of the step
     rough : roughness coefficient, compressive strength of the wall [N], basic friction; in place of `mu`
         where the strength is not zero
+    fracture : tensile strength [N], its energy [J], cohesion [N], its energy [J] of a bond that softens
+        linearly; of a gap without strength of another kind
     """
 
     K_n: float
@@ -62,6 +64,7 @@ class Gap(NamedTuple):
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     weakening: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rough: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    fracture: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 class Past(NamedTuple):
@@ -74,6 +77,8 @@ class Past(NamedTuple):
     overlap : opening at the last step where the gap was closed, at most zero [m]
     slipped : slip in the last step, where the gap slid [m]
     path : of all slip so far [m]
+    damage, widest, crack, stored : of a bond that softens: damage, widest opening of the crack and that of
+        the last step [m], energy that its crack would give back [J]
     """
 
     anchor: Pair = (0.0, 0.0)
@@ -83,6 +88,10 @@ class Past(NamedTuple):
     overlap: float = 0.0
     slipped: float = 0.0
     path: float = 0.0
+    damage: float = 0.0
+    widest: float = 0.0
+    crack: float = 0.0
+    stored: float = 0.0
 
 
 Force = tuple[float, float, float]
@@ -162,6 +171,8 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
     -------
     ((p_n, t_j, t_k), state, past) : forces [N]; state is OPEN, STICK or SLIP
     """
+    if gap.fracture[0] > 0.0:
+        return softened(jump, past, gap)
     bonded, left = gap.tension > 0.0 or gap.cohesion > 0.0, past
     while True:
         force, limits = _ductile(jump, left, gap)
@@ -191,6 +202,74 @@ def strong(jump: Force, past: Past, gap: Gap) -> Answer:
             overlap=min(jump[0], 0.0),
             slipped=slipped,
             path=past.path + slipped,
+        ),
+    )
+
+
+def softened(jump: Force, past: Past, gap: Gap) -> Answer:
+    """A bond that softens linearly, by bisection for the crack and for the slip; as `strong`."""
+    f, G, c, G_II = gap.fracture
+    y_c, s_c = 2.0 * G / f, 2.0 * G_II / c if c > 0.0 else math.inf
+
+    def left(damage: float) -> float:
+        return max(1.0 - damage, 0.0)
+
+    def damage(y: float, slip: float) -> float:
+        return past.damage + max(y - past.widest, 0.0) / y_c + slip / s_c
+
+    def mean(r: float) -> float:  # of a triangle's height between two places, by its area
+        if r <= past.damage:
+            return left(past.damage)
+        return 0.5 * (left(past.damage) ** 2 - left(r) ** 2) / (r - past.damage)
+
+    def tension(y: float, slip: float) -> float:
+        if y <= past.widest:
+            return f * left(past.damage) * y / past.widest
+        on_secant, on_curve = past.widest - past.crack, y - past.widest
+        work = f * (left(past.damage) * on_secant + mean(damage(y, slip)) * on_curve)
+        return work / (on_secant + on_curve)
+
+    def normal(slip: float) -> Pair:
+        """Normal force, and opening of the crack: K_n (w - y) = T(y)."""
+        elastic = gap.K_n * jump[0]
+        holds = 0.0 if past.widest > 0.0 else f * mean(damage(0.0, slip))
+        if elastic <= holds:
+            return -elastic, 0.0
+        low, high = 0.0, jump[0]
+        while (middle := 0.5 * (low + high)) not in (low, high):
+            opens = gap.K_n * (jump[0] - middle) > tension(middle, slip)
+            low, high = (middle, high) if opens else (low, middle)
+        return -tension(high, slip), high
+
+    def bound(slip: float) -> float:
+        p, y = normal(slip)
+        return c * mean(damage(y, slip)) + gap.mu[0] * max(p, 0.0)
+
+    trial = [-gap.K_s * (jump[1 + a] - past.anchor[a]) for a in range(2)]
+    size, slip = math.hypot(*trial), 0.0
+    if size > bound(0.0):
+        low, high = 0.0, size / gap.K_s
+        while (middle := 0.5 * (low + high)) not in (low, high):
+            slides_on = size - gap.K_s * middle > bound(middle)
+            low, high = (middle, high) if slides_on else (low, middle)
+        slip = high
+    p, y = normal(slip)
+    share = (size - gap.K_s * slip) / size if size > 0.0 else 0.0
+    t_j, t_k = share * trial[0], share * trial[1]
+    limit = bound(slip)
+    damaged, widest = damage(y, slip if limit > 0.0 else 0.0), max(y, past.widest)
+    stored = 0.5 * f * left(damaged) * y**2 / widest if widest > 0.0 else 0.0
+    is_open = y > 0.0 or (jump[0] > 0.0 and p == 0.0)
+    moved = tuple(slip * t / size if size > 0.0 else 0.0 for t in trial)
+    return (
+        (p, t_j, t_k),
+        OPEN if is_open else SLIP if slip > 0.0 and limit > 0.0 else STICK,
+        past._replace(
+            anchor=(past.anchor[0] - moved[0], past.anchor[1] - moved[1]),
+            damage=damaged,
+            widest=widest,
+            crack=y,
+            stored=stored,
         ),
     )
 

@@ -19,6 +19,7 @@ from romdam.contact.laws import (
     Bond,
     Coulomb,
     Dashpot,
+    Fracture,
     Grouting,
     Penalty,
     ShearKey,
@@ -161,7 +162,7 @@ BY_UNIT = {
 }  # fmt: skip
 BY_NAME = {
     "friction": (0.4, 0.4), "mu_d": 0.9, "JRC": 10.0, "JCS": 1e7, "mu_b": 0.5,
-    "tension_stiffness": 3e8, "shear_stiffness": 5e8,
+    "tension_stiffness": 3e8, "shear_stiffness": 5e8, "energy": 100.0, "shear_energy": 2e3,
 }  # fmt: skip
 ALWAYS = ("normal_stiffness", "shear_stiffness", "friction")
 
@@ -171,12 +172,14 @@ EXEMPT = {
 }
 ORACLE = {
     Penalty, TensionStiffness, ShearStiffness, Dashpot, Coulomb, StaticFriction, VelocityFriction,
-    SlipWeakening, BartonBandis, Bond, ShearKey,
+    SlipWeakening, BartonBandis, Bond, Fracture, ShearKey,
 }  # fmt: skip
 TOGETHER = (Dashpot, Coulomb, StaticFriction, Bond, ShearKey)
 
 
 def _value(parameter):
+    if parameter.choices:
+        return parameter.default
     value = BY_NAME.get(parameter.name, BY_UNIT[parameter.unit])
     return (value, value) if parameter.both and not isinstance(value, tuple) else value
 
@@ -212,6 +215,7 @@ def point_gap(laws):
     velocity = keys["velocity_friction"] or {"mu_s": 0.0, "mu_d": 0.0, "v_c": 0.0}
     weakening = keys["slip_weakening"] or {"mu_s": 0.0, "mu_d": 0.0, "d_c": 0.0}
     rough = keys["barton_bandis"] or {"JRC": 0.0, "JCS": 0.0, "mu_b": 0.0}
+    soft = keys["fracture"] or dict.fromkeys(("tensile_strength", "energy", "cohesion", "shear_energy"), 0.0)
     return Gap(
         keys["normal_stiffness"],
         keys["tension_stiffness"],
@@ -226,6 +230,7 @@ def point_gap(laws):
         velocity=(velocity["mu_s"], velocity["mu_d"], velocity["v_c"] * STEP),
         weakening=(weakening["mu_s"], weakening["mu_d"], weakening["d_c"]),
         rough=(rough["JRC"], rough["JCS"], rough["mu_b"]),
+        fracture=(soft["tensile_strength"], soft["energy"], soft["cohesion"], soft["shear_energy"]),
     )
 
 
@@ -241,10 +246,13 @@ def free_jumps(seed, steps):
 def kept(gap):
     """What the laws keep of the gap, by the names of the point laws' `Past`."""
     named = {"broken": "broken", "slides": "sliding", "out": "out", "rate": "slipped", "path": "path"}
+    named |= {name: name for name in ("damage", "widest", "crack", "stored")}
     found = {}
     for k, rows in enumerate(gap.law.laws, start=len(gap.memory.history) - len(gap.law.laws)):
         (law,) = (each for each in LAWS if source_of(each) == rows.law)
-        found |= {named[name]: gap.memory.history[k, 0, e] for e, name in enumerate(law.memory)}
+        found |= {
+            named[name]: gap.memory.history[k, 0, e] for e, name in enumerate(law.memory) if name in named
+        }
     return found
 
 
@@ -263,6 +271,7 @@ class Seen:
 def held_against_the_point_laws(laws, initial_gap, seed, seen):
     gap, point = OneGap(law_of(laws, initial_gap), 1e-9), point_gap(laws)
     past = Past(broken=initial_gap > 0.0, out=any(point.keyed) and initial_gap > point.key)
+    past = past._replace(damage=1e3 if point.fracture[0] > 0.0 and initial_gap > 0.0 else 0.0)
     for w in free_jumps(seed, 60):
         force, state = gap.step(*w)
         wanted, expected, past = strong(tuple(gap.jump[0]), past, point)
@@ -297,7 +306,7 @@ def test_a_law_makes_no_energy_keeps_its_limits_and_is_pure(law):
     tension, and solutions that are not accepted leave no trace."""
     for seed in range(4):
         gap = OneGap(law_of((law,)), 1e-9)
-        pulls = gap.law.K_nz.any() or law is Bond
+        pulls = gap.law.K_nz.any() or law in (Bond, Fracture)
         for w in free_jumps(seed, 40):
             before = gap.memory.history.copy(), gap.memory.accumulated_slip.copy()
             first = gap.solved(*w), gap.memory.force.copy()
@@ -312,9 +321,12 @@ def test_a_law_makes_no_energy_keeps_its_limits_and_is_pure(law):
             work = -(gap.force * (gap.jump - jump)).sum()
             assert gap.taken >= -1e-6 and work - (gap.stored - stored) - gap.taken >= -1e-6  # of about 1 kJ
             assert pulls or force[0] >= 0.0
+            damage = rows[0, -1, 0, 0] if law is Fracture else 0.0
             rows = gap.memory.history[None].copy() if law.follows_step else rows
             opening = gap.jump[None, :, 0]
             strength, _ = shear_strength(gap.law.mu, gap.problem.laws, rows, opening, gap.force[None])
             limit = strength[0, 0]
+            if law is Fracture:  # the force of a step that softens is the mean, above what is left
+                limit = 1e5 * max(1.0 - damage, 0.0) + 0.4 * max(force[0], 0.0) * np.ones(2)
             size = math.hypot(*force[1:]) if limit[0] == limit[1] else np.abs(force[1:])
             assert (size <= limit * (1.0 + 1e-9) + 1e-3).all()

@@ -231,6 +231,15 @@ def _arch() -> dict[str, Any]:
     }
 
 
+_FRACTURE = {
+    "tensile_strength": "1.5 MPa",
+    "energy": "150 N/m",
+    "cohesion": "2 MPa",
+    "shear_energy": "1500 N/m",
+    "softening": "bilinear",
+}
+
+
 def _gravity() -> dict[str, Any]:
     """Two monoliths with lifts and a gallery."""
     divisions = {"along": 1, "through": 3, "up": 4, "depth": 1, "upstream": 1, "downstream": 1, "banks": 1}
@@ -247,7 +256,7 @@ def _gravity() -> dict[str, Any]:
         joints={
             "base": plain | {"slip_weakening": {"mu_s": 0.8, "mu_d": 0.6, "d_c": "5 cm"}},
             "contraction": plain | {"barton_bandis": {"JRC": 8.0, "JCS": "50 MPa", "mu_b": 0.6}},
-            "lift": "tied",
+            "lift": plain | {"friction": 0.5, "fracture": dict(_FRACTURE)},
         },
     )
     rest = {key: _TWO[key] for key in ("damping", "records", "model", "transient")}

@@ -42,6 +42,8 @@ def annotation(parameter: Parameter) -> Any:
     """Type of a parameter in a configuration, with unit and bounds."""
     if parameter.unit == "axes":
         return Annotated[tuple[Literal["j", "k"], ...], Field(min_length=1)]
+    if parameter.choices:
+        return Literal[parameter.choices]
     least, most = parameter.least, parameter.most
     bounds: Any = Field(gt=least, le=most) if parameter.above else Field(ge=least, le=most)
     number: Any = Annotated[in_unit(parameter.unit), bounds]

@@ -4,6 +4,7 @@ from romdam.contact.laws.barton_bandis import BartonBandis
 from romdam.contact.laws.bond import Bond
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.dashpot import Dashpot
+from romdam.contact.laws.fracture import Fracture
 from romdam.contact.laws.grouting import Grouting
 from romdam.contact.laws.law import Law
 from romdam.contact.laws.penalty import Penalty
@@ -28,5 +29,6 @@ LAWS: tuple[type[Law], ...] = (
     SlipWeakening,
     BartonBandis,
     Bond,
+    Fracture,
     ShearKey,
 )

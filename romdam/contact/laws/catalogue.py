@@ -205,6 +205,9 @@ def _check(law: type[Law], place: str) -> None:
         if parameter.unit == "axes":
             values[parameter.name] = AXES
             continue
+        if parameter.choices:
+            values[parameter.name] = parameter.choices[0]
+            continue
         sample = min(parameter.least + 0.5, math.inf if parameter.most is None else parameter.most)
         values[parameter.name] = (sample, sample) if parameter.both else sample
     try_law(law, {law.section: values} if law.section else values, place)

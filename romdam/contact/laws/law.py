@@ -34,6 +34,7 @@ TENSION, COHESION_J, COHESION_K, MU_J, MU_K, WATER = range(ENTRIES := 6)
 # a gap in a step: the entries of `step`
 OPENING, NORMAL_FORCE, SLIP_J, SLIP_K, RATE, DT, PULLED, SLIDING = range(STEP_ENTRIES := 8)
 AXES = ("j", "k")
+ENERGY = STORED, DISSIPATED = ("stored", "dissipated")  # names in a memory that the energy ledger reads
 
 Row = Sequence[float] | Floats
 
@@ -54,6 +55,7 @@ class Parameter:
     rigid : whether it may be the word "rigid", which is infinite
     auto : whether it may be the word "auto": the scene puts a number from the elements beside the joint
     default : what a joint has that does not say; None where it then has not got the law
+    choices : words that the value may be; its entry is their number
     required : whether every joint must say; of a section all that has no default must be there with it
     meaning : a sentence, for the manual and for editors; the law's own if empty
     """
@@ -69,6 +71,7 @@ class Parameter:
     rigid: bool = False
     auto: bool = False
     default: Any = None
+    choices: tuple[str, ...] = ()
     required: bool = False
     meaning: str = ""
 
@@ -76,6 +79,8 @@ class Parameter:
         """Its entries for a gap of this tributary area [m2]."""
         if self.unit == "axes":
             return tuple(float(axis in value) for axis in AXES)
+        if self.choices:
+            return (float(self.choices.index(value)),)
         if self.both:
             return tuple(value)
         if isinstance(value, Mapping):
@@ -114,6 +119,9 @@ class Law:
     release(parameters, memory, step) : whether something was given up, noted in `memory` (a step that gives
         up more often than the memory has entries does not converge)
     commit(parameters, memory, step) : move the memory. Without it what `release` noted stays.
+
+    Of the memory two names mean something to the energy ledger: "stored", what the gap can give back besides
+    its springs, and "dissipated", what its normal force has lost since the start [J].
     """
 
     section: ClassVar[str] = ""
@@ -189,6 +197,8 @@ class Past(NamedTuple):
     sliding : whether it slides now
     has_moved : whether a row so far, the unloaded start aside, shows it open or sliding
     rate : speed of its slip [m/s]
+    widest : largest opening of a row so far [m]
+    path : length of all slip so far, as the rows show it [m]
     """
 
     gap: float
@@ -196,3 +206,5 @@ class Past(NamedTuple):
     sliding: bool
     has_moved: bool
     rate: float
+    widest: float = 0.0
+    path: float = 0.0
