@@ -202,8 +202,11 @@ def _properties(
     of_elements: tuple[float, float],
 ) -> dict[str, Any]:
     """Fields of a `Joint` that depend on its parameters, and on the stiffness of the elements beside it."""
-    joint = with_automatic_stiffness(joint, of_elements)
+    automatic, joint = automatic_keys(joint), with_automatic_stiffness(joint, of_elements)
     keys = joint.law_keys
+    for law in joint.every_law if automatic else ():  # what a number would have been asked before
+        if wrong := law.wrong(keys):
+            raise ConfigError(f"{location}: {wrong}")
     if isinstance(joint.gap, GapTable):
         gap = table_gap(folder / joint.gap.table, position, f"{location}.gap.table")
     else:

@@ -260,6 +260,7 @@ def _gravity() -> dict[str, Any]:
         },
     )
     rest = {key: _TWO[key] for key in ("damping", "records", "model", "transient")}
+    raw["loads"] = raw.get("loads", {}) | {"initial_state": "undeformed"}  # nothing presses bonded lifts
     return raw | rest | {"outputs": {"error_estimate": False, "plots": False}}
 
 

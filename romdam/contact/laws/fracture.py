@@ -161,7 +161,7 @@ class Fracture(Law):
         shape = SHAPES.index(keys["softening"])
         for strength_key, energy_key, stiffness_key in of_modes:
             stiffness = joint[stiffness_key]
-            if stiffness == "rigid" or keys[strength_key] == 0.0:
+            if stiffness in ("rigid", "auto") or keys[strength_key] == 0.0:  # auto: asked again as a number
                 continue
             if isinstance(stiffness, Mapping):
                 return (
