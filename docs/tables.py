@@ -29,7 +29,16 @@ SUBJECTS = {  # page of keys -> sections of a job
     "joints": ("joints", "ties"),
     "loads": ("loads", "water", "damping"),
     "records": ("records",),
-    "runs": ("model", "transient", "outputs", "study", "linear_stage", "suite", "comparison"),
+    "runs": (
+        "model",
+        "transient",
+        "outputs",
+        "study",
+        "linear_stage",
+        "suite",
+        "comparison",
+        "post_earthquake",
+    ),
 }
 ROOT = Path(__file__).parents[1]
 ROOMS = ("contact", "timestepping", "effects", "reduction", "linalg", "error", "export")  # with constants

@@ -32,6 +32,7 @@ from romdam.pipelines.run import (
 )
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
+from romdam.pipelines.stability import job_after
 from romdam.pipelines.suites.plan import make_plan
 from romdam.pipelines.summary import refuse_summary
 from romdam.records.record_set import load_motions
@@ -108,6 +109,8 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     job, clock = load_config(job), Clock(show)
     if "study" in job.config.model_fields_set:
         refuse_study(job)
+    if job.config.post_earthquake is not None:
+        job_after(job, job.config.post_earthquake, {"loads.initial_state": "static"})
     if job.config.pipeline != "comparison":
         return _check(job, clock, open_store(cache))
     asked, variants = comparable_variants(job)

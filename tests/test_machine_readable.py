@@ -172,7 +172,7 @@ NOWHERE = [
     ("linear", "none.yaml", "-o", "o"), ("show", "none.yaml"),
     ("verify", "none.yaml", "-o", "o"), ("study", "none.yaml", "-o", "o"), ("certify", "none.nc"),
     ("info", "none.nc"), ("info", "none.h5"), ("plot", "none.nc"), ("compare", "a.nc", "b.nc"),
-    ("view", "none.nc"), ("wedges", "none.yaml"),
+    ("view", "none.nc"), ("wedges", "none.yaml"), ("stability", "none.yaml", "none.nc"),
     ("records", "nowhere"), ("report", "nowhere"), ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
     ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"),
     ("schema", "-o", "/dev/null/x"), ("benchmarks", "--only", "none"),

@@ -1,4 +1,4 @@
-"""Results, scenes and records told and drawn: `info`, `show`, `plot`, `view`, `wedges` and `records`."""
+"""Results, scenes and records told and drawn: `romdam info`, `show`, `plot`, `view` and `records`."""
 
 from __future__ import annotations
 
@@ -134,33 +134,6 @@ def view(
     with romdam.open_result(result) as opened:
         if page := view_result(opened, html, Frames(frames, window), stages):
             say(f"written: {page}")
-
-
-def wedges(
-    file: Annotated[Path, typer.Argument(help="YAML file with `wedges:`.", metavar="WEDGES")],
-    result: Annotated[
-        Path | None,
-        typer.Argument(
-            help="NetCDF file of a run, whose joints and sections press on the wedges.", metavar="[RESULT]"
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for <WEDGES>-wedges.nc and .csv."
-        ),
-    ] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
-    """Factors of safety of rock wedges against sliding, at rest or under the forces of RESULT."""
-    from romdam.pipelines.wedges import assess_wedges
-    from romdam.terminal import open_terminal
-    from romdam.terminal.tables import wedges_table
-
-    _, say = open_terminal(quiet, verbose)
-    assessed = assess_wedges(file, result, out)
-    say(wedges_table(assessed.rows), *(f"written: {path}" for path in assessed.paths))
 
 
 def records(

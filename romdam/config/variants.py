@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -34,23 +35,39 @@ def variant_jobs(job: Job) -> dict[str, Job]:
     ConfigError
         for a path that leads nowhere, and for what makes no valid job.
     """
+    return {
+        name: changed_job(job, changes, ("comparison", "variants", name), left_out=("comparison", "pipeline"))
+        for name, changes in comparison_of(job).variants.items()
+    }
+
+
+def changed_job(
+    job: Job, changes: Mapping[str, Any], stands_at: tuple[str, ...], *, left_out: Collection[str] = ()
+) -> Job:
+    """The job with values put where dotted paths lead.
+
+    Parameters
+    ----------
+    changes : path -> value
+    stands_at : keys of the file under which the changes stand, for messages
+    left_out : sections that the changed job does not have
+
+    Raises
+    ------
+    ConfigError
+        for a path that leads nowhere, and for what makes no valid job.
+    """
     mapping = read_yaml(job.file) if job.given is None else job.given
     raw, _ = with_present_names(mapping, str(job.path))
     assert isinstance(raw, dict)  # it was loaded before
-    whole = {key: value for key, value in raw.items() if key not in ("comparison", "pipeline")}
-    jobs = {}
-    for name, changes in comparison_of(job).variants.items():
-        source = f"{job.path}: comparison.variants.{name}"
-        changed = copy.deepcopy(whole)
-        for path, value in changes.items():
-            _put(changed, path, value, source)
-        mapping = None if job.given is None else changed
-        config = parse_config(changed, source, folder=job.folder)
-        places = {path: ("comparison", "variants", name, path) for path in changes}
-        jobs[name] = replace(
-            job, config=config, renamed=(), given=mapping, replaced=places, scene_warnings=()
-        )
-    return jobs
+    source = f"{job.path}: {'.'.join(stands_at)}"
+    changed = copy.deepcopy({key: value for key, value in raw.items() if key not in left_out})
+    for path, value in changes.items():
+        _put(changed, path, value, source)
+    config = parse_config(changed, source, folder=job.folder)
+    given = None if job.given is None else changed
+    places = {path: (*stands_at, path) for path in changes}
+    return replace(job, config=config, renamed=(), given=given, replaced=places, scene_warnings=())
 
 
 def _put(raw: Any, path: str, value: Any, source: str) -> None:

@@ -82,6 +82,16 @@ def wedges_table(rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
+def stability_table(rows: Sequence[Sequence[str]]) -> Table:
+    """Static stability after earthquakes, a row for each record and joint."""
+    from romdam.postprocess.stability import HEAD
+
+    table = _table("Stability after the earthquake", HEAD[:3], HEAD[3:])
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
     from romdam.postprocess.maxima import HEAD, explained, maxima

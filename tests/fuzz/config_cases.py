@@ -145,6 +145,11 @@ _TWO: dict[str, Any] = {
         "reference": "as_is",
         "component": "y",
     },
+    "post_earthquake": {
+        "changes": {"joints.gap.tensile_strength": 0.0},
+        "required_factor": 1.3,
+        "joints": ["gap"],
+    },
 }
 _DIVISIONS = {"along": 1, "through": 1, "up": 3, "perimeter": 1, "rock": 2, "upstream": 1, "downstream": 1}
 _WET = [{"block": "C1", "face": "upstream"}, {"block": "C2", "face": "upstream"}]
@@ -285,7 +290,13 @@ def _suite() -> dict[str, Any]:
     raw["transient"] = {"accuracy": 0.05}
     raw["joints"]["gap"]["gap"] = {"table": "gaps.csv"}
     raw["joints"]["gap"] |= {"cohesion": 0.0, "tensile_strength": 0.0}
-    del raw["joints"]["gap"]["shear_key"], raw["outputs"]["stress"], raw["study"], raw["comparison"]
+    del (
+        raw["joints"]["gap"]["shear_key"],
+        raw["outputs"]["stress"],
+        raw["study"],
+        raw["comparison"],
+        raw["post_earthquake"],
+    )
     raw["pipeline"] = "suite"
     raw["suite"] = {
         "intensities": {"measure": "sa", "period": 0.3, "damping": 0.05, "of": "y", "values": ["1 m/s2"]},
@@ -328,7 +339,7 @@ def _others() -> dict[str, Any]:
     ]
     state = {"result": "state.nc", "take": "joints"}
     raw["joints"], raw["loads"] = {}, {"temperature": warm, "initial_state": state}
-    del raw["comparison"]
+    del raw["comparison"], raw["post_earthquake"]
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
     raw["blocks"]["left"] = {
         "material": "concrete",
@@ -372,7 +383,7 @@ def _others() -> dict[str, Any]:
 def _waves() -> dict[str, Any]:
     """Rock within viscous faces in place of supports."""
     raw = copy.deepcopy(_TWO)
-    del raw["comparison"], raw["supports"]
+    del raw["comparison"], raw["post_earthquake"], raw["supports"]
     rock = {**_BOX, "origin": [0, -5, -10], "size": [5, 15, 10]}
     raw["blocks"]["rock"] = {"material": "concrete", "weight": False, "box": rock}
     raw["ties"] = {name: {"between": [name, "rock"]} for name in ("left", "right")}
@@ -389,7 +400,7 @@ def _waves() -> dict[str, Any]:
 def _matrices() -> dict[str, Any]:
     """A block from matrices, damped by one of them; nothing asks for its stress."""
     raw = copy.deepcopy(_TWO)
-    del raw["comparison"]
+    del raw["comparison"], raw["post_earthquake"]
     keys = ("stiffness", "mass", "damping", "unknowns", "inertia", "force")
     files: dict[str, Any] = dict.fromkeys(keys, "right.h5")
     more = {"nodes": "nodes.csv", "units": "m-kg-s", "total_mass": "2440 t", "tolerance": "1 mm"}

@@ -37,6 +37,7 @@ from romdam.config.sections.linear_stage import LinearStageConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import ElementName, NodeConfig, Vector
+from romdam.config.sections.post_earthquake import PostEarthquakeConfig
 from romdam.config.sections.stress import StressConfig
 from romdam.config.sections.study import Modes, ResidualVectors, StudyConfig
 from romdam.config.sections.suite import KeepConfig, SuiteConfig
@@ -266,6 +267,7 @@ class Config(Model):
     """A run for each record, the whole of `suite`, or the variants of `comparison`."""
     suite: SuiteConfig | None = None
     comparison: ComparisonConfig | None = None
+    post_earthquake: PostEarthquakeConfig | None = None
 
     @property
     def dam(self) -> ArchDamConfig | GravityDamConfig | None:
@@ -356,6 +358,8 @@ class Config(Model):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for i, history in enumerate(self.loads.force_history):
             self._known(f"loads.force_history[{i}].block", history.block, blocks)
+        for joint_name in (self.post_earthquake.joints if self.post_earthquake else None) or ():
+            self._known("post_earthquake.joints", joint_name, self.every_joint)
         for name, node in self.outputs.nodes.items():
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         self._refuse_floors_without_nodes()

@@ -158,7 +158,7 @@ class CorrelationConfig(Model):
 
     pairs: Annotated[tuple[CorrelationPairConfig, ...], Field(min_length=1, max_length=1000)]
     of: Literal["values", "scores"] = "values"
-    """What the coefficients are of: the values, or their normal scores."""
+    """Quantities that the coefficients are of: the values, or their normal scores."""
 
     @model_validator(mode="after")
     def _each_once(self) -> Self:

@@ -77,7 +77,7 @@ class ThrustConfig(Model):
 
     @property
     def needs_result(self) -> bool:
-        """Whether it is taken out of a result."""
+        """True if it is taken out of a result."""
         return bool(self.joints or self.sections)
 
 

@@ -1,0 +1,134 @@
+"""Static stability of a dam after an earthquake, from what the joints of its results remember."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.sections.post_earthquake import PostEarthquakeConfig
+from romdam.config.variants import changed_job
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.files import prepare_folder
+from romdam.core.motion import GroundMotion
+from romdam.pipelines.run import Stage, run, silent
+from romdam.postprocess.stability import (
+    HEAD,
+    NO_EQUILIBRIUM,
+    STABLE,
+    JointStability,
+    Row,
+    joint_stability,
+    stability_row,
+)
+from romdam.results.fields import open_result
+from romdam.results.table import write_csv
+
+_SECTION = "post_earthquake"
+_SAMPLES = 3  # of a ground at rest: the state at the first of them is judged
+_TOLERANCE = 1e-11  # of the gaps: at 1e-8 a factor of safety is 2e-6 off
+_MODES = 4  # of each block: those of its static answers to joint forces and loads come besides
+_AT_REST: dict[str, object] = {  # path -> value: what a state at rest needs not
+    "outputs.plots": False,
+    "outputs.error_estimate": False,
+    "outputs.mesh_error": False,
+    "outputs.floor_spectra": None,
+    "loads.force_history": [],
+}
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Joints of all records that have an equilibrium, messages of those without, and the files written."""
+
+    joints: list[JointStability]
+    failures: dict[str, str]
+    paths: tuple[Path, ...]
+
+    @property
+    def rows(self) -> list[Row]:
+        """The table, a row for each joint, and one for each record without equilibrium."""
+        rows = [stability_row(joint) for joint in self.joints]
+        missing = ("-",) * (len(HEAD) - 3)
+        return [*rows, *((record, "all", NO_EQUILIBRIUM, *missing) for record in self.failures)]
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether every joint of every record reaches the required factor."""
+        return not self.failures and all(joint.verdict == STABLE for joint in self.joints)
+
+
+@naming_lines
+def assess_stability(
+    job: Source, results: Sequence[str | Path], out: str | Path | None = None, show: Stage = silent
+) -> Stability:
+    """Judge the dam at rest after each of some results, by the `post_earthquake` of its job.
+
+    Parameters
+    ----------
+    results : files of runs of the job
+    out : folder for <job>-stability.csv; nothing is written without one
+
+    Raises
+    ------
+    RomdamError
+        for wrong keys, and for results whose joints are not those of the job. A dam without equilibrium is a
+        verdict, not an error.
+    """
+    job = load_config(job)
+    asked = post_earthquake_of(job)
+    joints, failures = list[JointStability](), dict[str, str]()
+    for path in results:
+        with open_result(path) as opened:
+            record = str(opened.dataset.attrs["record"])
+            dt = float(opened.dataset.attrs["record_dt"])
+        at_rest = GroundMotion.from_arrays(f"{record} after", {"x": [0.0] * _SAMPLES}, dt)
+        state = {"result": str(Path(path).absolute()), "take": "joints"}
+        after = job_after(job, asked, {"loads.initial_state": state}, dt)
+        try:
+            outcome = run(after, None, show, motions=at_rest)
+        except ConvergenceError as error:
+            failures[record] = str(error)
+            continue
+        if outcome.failures:
+            failures[record] = next(iter(outcome.failures.values()))
+            continue
+        dataset = outcome.results[0].dataset
+        joints += joint_stability(dataset, record, asked.required_factor, asked.joints)
+    stability = Stability(joints, failures, ())
+    if out is None:
+        return stability
+    written = prepare_folder(Path(out)) / f"{job.stem}-stability.csv"
+    return Stability(joints, failures, (write_csv(HEAD, stability.rows, written),))
+
+
+def post_earthquake_of(job: Job) -> PostEarthquakeConfig:
+    """The section of a job.
+
+    Raises
+    ------
+    ConfigError
+        where it has none.
+    """
+    if job.config.post_earthquake is None:
+        raise ConfigError(
+            f"{job.path}: {_SECTION} is missing; give it required_factor, and changes such as less friction"
+        )
+    return job.config.post_earthquake
+
+
+def job_after(job: Job, asked: PostEarthquakeConfig, state: dict[str, object], step: float = 0.01) -> Job:
+    """The job at rest after the earthquake, with few modes: static answers are exact with any number.
+
+    Raises
+    ------
+    ConfigError
+        for a change that leads nowhere, or that makes no valid job.
+    """
+    left_out = ("comparison", "pipeline", "suite", _SECTION)
+    transient = {"finest_step": step, "tolerance": min(job.config.transient.tolerance, _TOLERANCE)}
+    changes: dict[str, object] = _AT_REST | {"transient": transient}
+    if job.config.model.order == "reduced":
+        changes["model"] = {"modes": _MODES}
+    return changed_job(job, changes | asked.changes | state, (_SECTION, "changes"), left_out=left_out)

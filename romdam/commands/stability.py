@@ -1,0 +1,68 @@
+"""Stability after an earthquake and of rock wedges: `romdam stability` and `romdam wedges`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import romdam
+from romdam.commands.options import FAILED, Config, Quiet, Verbose, named_folder
+
+
+def stability(
+    config: Config,
+    results: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="NetCDF files of runs of CONFIG.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for <CONFIG>-stability.csv."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Judge the dam at rest after each RESULT, with the residual strength of `post_earthquake:`.
+
+    The exit code is 1 where a joint has less than the required factor, or there is no equilibrium.
+    """
+    from romdam.pipelines.stability import assess_stability
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.tables import stability_table
+
+    stages, say = open_terminal(quiet, verbose)
+    assessed = assess_stability(romdam.load_config(config), results, out, stages)
+    say(stability_table(assessed.rows), *(f"written: {path}" for path in assessed.paths))
+    complain(*(f"{record}: {message}" for record, message in assessed.failures.items()))
+    if not assessed.is_stable:
+        raise typer.Exit(FAILED)
+
+
+def wedges(
+    file: Annotated[Path, typer.Argument(help="YAML file with `wedges:`.", metavar="WEDGES")],
+    result: Annotated[
+        Path | None,
+        typer.Argument(
+            help="NetCDF file of a run, whose joints and sections press on the wedges.", metavar="[RESULT]"
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for <WEDGES>-wedges.nc and .csv."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Factors of safety of rock wedges against sliding, at rest or under the forces of RESULT."""
+    from romdam.pipelines.wedges import assess_wedges
+    from romdam.terminal import open_terminal
+    from romdam.terminal.tables import wedges_table
+
+    _, say = open_terminal(quiet, verbose)
+    assessed = assess_wedges(file, result, out)
+    say(wedges_table(assessed.rows), *(f"written: {path}" for path in assessed.paths))

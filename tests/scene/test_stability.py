@@ -1,0 +1,131 @@
+"""`romdam stability`: the dam at rest after an earthquake, against equilibrium by hand."""
+
+import numpy as np
+import pytest
+import yaml
+from test_cli import call
+from test_initial_state import BOND, G, job, motion, pulses, run
+
+import romdam
+from romdam.core.errors import ConfigError
+from romdam.pipelines.stability import assess_stability
+from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_STABLE, STABLE
+
+WEIGHT, PUSH = 2400 * G * 8, 40e3  # [N]
+PUSHED = {"force": [{"block": "block", "at": [x, 1, 2], "force": [0, 0.5 * PUSH, 0]} for x in (0, 2)]}
+WATER = {"joint_water": [{"joints": ["foot"], "level": "1 m", "downstream": [0, 1, 0], "crack": "redrawn"}]}
+UPLIFT = 9810 * 1.0 * 4  # [N], full head over the whole base
+RECORD = {"file": "none.txt", "dt": 0.002, "unit": "m/s2", "components": {"y": 1}}
+
+
+def judged(joint=BOND, changes=(), required=1.3, joints=None, **loads):
+    after = {"changes": dict(changes), "required_factor": required}
+    section = after | ({"joints": joints} if joints else {})
+    return job(joint, **loads) | {"post_earthquake": section, "records": [RECORD]}
+
+
+@pytest.fixture(scope="module")
+def shaken(tmp_path_factory):
+    """A block whose bond a pulse breaks as a whole."""
+    result = run(judged(**PUSHED), tmp_path_factory.mktemp("shaken"), motion("a", pulses(9.0, 2, 1.2))).paths[
+        0
+    ]
+    with romdam.open_result(result) as opened:
+        assert float(opened.dataset.bonded_area[-1, 0]) == 0.0
+        assert float(opened.dataset.bonded_area[0, 0]) == pytest.approx(4.0)
+    return result
+
+
+def only(configuration, result):
+    assessed = assess_stability(configuration, [result])
+    (joint,) = assessed.joints
+    return assessed, joint
+
+
+def test_what_is_left_holds_by_friction_alone(shaken):
+    """FS = mu W / H, the resultant where W and H put it: at 1 + H h / W of 2 m."""
+    assessed, joint = only(judged(**PUSHED), shaken)
+    assert joint.factor == pytest.approx(0.3 * WEIGHT / PUSH, rel=1e-6)
+    assert joint.compression == pytest.approx(WEIGHT, rel=1e-6) and joint.shear == pytest.approx(
+        PUSH, rel=1e-6
+    )
+    assert joint.resultant == pytest.approx((1.0 + PUSH * 2.0 / WEIGHT) / 2.0, rel=1e-5)
+    assert joint.bonded_share == 0.0 and joint.water == 0.0
+    assert joint.verdict == STABLE and assessed.is_stable
+    with romdam.open_result(shaken) as opened:
+        left = opened.dataset.slip.values[-1]
+    assert joint.slip == pytest.approx(np.linalg.norm(left.mean(axis=0)), rel=0.2)
+
+
+def test_residual_friction_decides(shaken):
+    """With 0.25 the factor is 1.18: less than 1.3. With 0.2 nothing holds."""
+    assessed, joint = only(judged(changes={"joints.foot.friction": 0.25}, **PUSHED), shaken)
+    assert joint.factor == pytest.approx(0.25 * WEIGHT / PUSH, rel=1e-6) and joint.factor < 1.3
+    assert joint.verdict == NOT_STABLE and not assessed.is_stable
+    gone = assess_stability(judged(changes={"joints.foot.friction": 0.2}, **PUSHED), [shaken])
+    assert 0.2 * WEIGHT < PUSH and not gone.joints and not gone.is_stable
+    assert gone.rows[0][:3] == ("a", "all", NO_EQUILIBRIUM)
+    assert "equilibrium" in gone.failures["a"]
+
+
+def test_water_in_the_damaged_joint(tmp_path):
+    """Uplift under the open part: W less what the joint's own pressure says, and the moments of all of it."""
+    loads = PUSHED | WATER
+    result = run(judged(**loads), tmp_path, motion("a", pulses(9.0, 2, 1.2))).paths[0]
+    _, joint = only(judged(changes={"loads.joint_water.0.earthquake": "full"}, **loads), result)
+    assert joint.water > 0.0
+    assert joint.compression == pytest.approx(WEIGHT - joint.water, rel=1e-6)
+    assert joint.factor == pytest.approx(0.3 * (WEIGHT - joint.water) / PUSH, rel=1e-6)
+    # without a crack the head falls linearly to nothing at the toe: half of the full uplift
+    assert joint.water >= UPLIFT / 2 * (1 - 1e-9)
+    if joint.open_share == 0.0:
+        assert joint.water == pytest.approx(UPLIFT / 2, rel=1e-9)
+        moment = WEIGHT * 1.0 + PUSH * 2.0 - joint.water * 2.0 / 3.0
+        assert joint.resultant == pytest.approx(moment / joint.compression / 2.0, rel=1e-3)
+
+
+def test_a_model_at_full_order_or_with_automatic_modes_judges_the_same(shaken):
+    few = only(judged(**PUSHED), shaken)[1]
+    automatic = judged(**PUSHED) | {"model": {"modes": "auto"}, "transient": {"accuracy": "1 %"}}
+    full = judged(order="full", **PUSHED)
+    for configuration in (automatic, full):
+        joint = only(configuration, shaken)[1]
+        assert joint.factor == pytest.approx(few.factor, rel=1e-9)
+        assert joint.resultant == pytest.approx(few.resultant, rel=1e-6)
+
+
+def test_command_table_and_exit_code(shaken, tmp_path):
+    zeros = tmp_path / "zeros.txt"
+    np.savetxt(zeros, np.zeros(10))
+    record = {"file": str(zeros), "dt": 0.01, "unit": "m/s2", "components": {"y": 1}}
+    for required, code in ((1.3, 0), (1.5, 1)):
+        path = tmp_path / "dam.yaml"
+        path.write_text(yaml.safe_dump(judged(required=required, **PUSHED) | {"records": [record]}))
+        found, out, err = call("stability", path, shaken, "--out", tmp_path / "out")
+        assert found == code, err
+        assert (STABLE in out) and ("foot" in out) and "Traceback" not in err
+        rows = (tmp_path / "out" / "dam-stability.csv").read_text().splitlines()
+        assert len(rows) == 2 and rows[1].split(",")[2] == (NOT_STABLE if code else STABLE)
+
+
+WRONG = {
+    "no section": (job(BOND) | {"records": [RECORD]}, "post_earthquake is missing"),
+    "a joint": (judged(joints=["sole"]), "post_earthquake.joints: no 'sole' is defined"),
+    "a path": (judged(changes={"loads.force.3.at": [0, 0, 0]}, **PUSHED), "leads nowhere"),
+    "a value": (judged(changes={"joints.foot.friction": -1}, **PUSHED), "post_earthquake.changes"),
+    "other gaps": (judged(BOND | {"spacing": "1.5 m"}), "has 9 gaps, and"),
+}
+
+
+@pytest.mark.parametrize(("configuration", "told"), WRONG.values(), ids=WRONG)
+def test_wrong_jobs_are_refused(configuration, told, shaken, tmp_path):
+    with pytest.raises(ConfigError, match=told):
+        assess_stability(configuration, [shaken], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_check_refuses_changes_that_lead_nowhere(tmp_path):
+    np.savetxt(tmp_path / "b.txt", pulses(1.0, 1, 0.4)[1])
+    record = {"file": str(tmp_path / "b.txt"), "dt": 0.002, "unit": "m/s2", "components": {"y": 1}}
+    with pytest.raises(ConfigError, match=r"post_earthquake\.changes\.loads\.force\.3\.at"):
+        romdam.check(judged(changes={"loads.force.3.at": [0, 0, 0]}, **PUSHED) | {"records": [record]})
