@@ -261,6 +261,8 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
         yield "the time of a run: a short part of the strongest record, from rest, fails; the log says how"
     if job.config.loads.begins == "static" and model.reduced is None:
         yield "static equilibrium before the earthquake"
+    if job.config.linear_stage is not None:
+        yield "the time histories of the linear stage, and their time, which a few modes take little of"
     if model.finer is not None:
         yield "the error of leaving out modes, which a run estimates"
     if job.config.transient.accuracy is not None:

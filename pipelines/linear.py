@@ -93,11 +93,12 @@ class LinearStage:
 
 @dataclass(frozen=True)
 class LinearOutcome:
-    """The linear stages of all records, their tables, and the files."""
+    """The linear stages of all records, their tables, the files, and record -> why it could not be read."""
 
     stages: dict[str, LinearStage]
     tables: tuple[Table, ...]
     paths: tuple[Path, ...]
+    failures: dict[str, str]
 
 
 @one_thread()
@@ -121,12 +122,14 @@ def linear(job: Source, out: str | Path, show: Stage = silent, cache: Path | Non
     refuse_unfit(job)
     folder = prepare_folder(Path(out))
     with clock.stage("records", "reading records"):
-        motions = usable_motions(job, records_of(job, folder), summarised=False)
+        read = records_of(job, folder)
+    motions = usable_motions(job, read, summarised=False)
     log_warnings(job, motions)
     stages = linear_stages(job, motions, folder, clock, store)
     tables, paths = write_stages(stages, {}, folder)
     every = [path for stage in stages.values() for path in stage.paths]
-    return LinearOutcome(stages, tuple(tables), (*every, *paths))
+    failures = {name: message for name, message in read.items() if isinstance(message, str)}
+    return LinearOutcome(stages, tuple(tables), (*every, *paths), failures)
 
 
 def linear_stages(

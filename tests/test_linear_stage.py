@@ -178,15 +178,43 @@ def test_spectrum_against_modal_combination_by_hand(rule, record, tmp_path):
     assert rest == pytest.approx(static, rel=1e-5, abs=1e-6 * np.abs(static).max())
 
 
-def test_section_force_is_the_inertia_above_it(record, tmp_path):
-    """Shear on a section from modal masses above it, by hand from nodal masses of the whole mesh."""
-    stage = {"spectra": {"x": spectrum()}}
-    job = tower(record, linear_stage=stage)
-    dataset = linear(job, tmp_path).stages["noise"].spectrum
-    assert dataset.modal_mass_share.values.max() < 100.0
-    assert dataset.static_section_force.values[0, 0] < 0.0
-    force = dataset.peak_section_force.sel(section="foot").values
-    assert force[1] > 10.0 * abs(force[0])  # shear along x, hardly any normal force
+def test_turned_model_has_the_same_peaks(record, tmp_path):
+    """A quarter turn about z, the spectra turned with it; components of the ground by percentages."""
+    job = tower(record, linear_stage={"spectra": {"x": spectrum(), "z": spectrum(factor=0.6)}})
+    job["linear_stage"]["directions"] = "100-40-40"
+    turned = tower(record, linear_stage={"spectra": {"y": spectrum(), "z": spectrum(factor=0.6)}})
+    turned["linear_stage"]["directions"] = "100-40-40"
+    for name, origin, size in (
+        ("lower", ["-30 ft", "0 ft", "0 ft"], ["30 ft", "20 ft", "40 ft"]),
+        ("upper", ["-20 ft", "0 ft", "40 ft"], ["15 ft", "20 ft", "30 ft"]),
+    ):
+        edges = turned["blocks"][name]["box"]["element_size"]
+        edges = edges if isinstance(edges, str) else [edges[1], edges[0], edges[2]]
+        turned["blocks"][name]["box"] = {"origin": origin, "size": size, "element_size": edges}
+    turned["loads"]["pressure"][0]["face"] = "xmax"
+    faces = [{"block": "lower", "face": "xmax"}, {"block": "upper", "face": "xmin"}]
+    turned["outputs"]["stress"] |= {"faces": faces}
+    turned["outputs"]["nodes"]["top"]["at"] = ["-20 ft", "20 ft", "70 ft"]
+    first, second = (
+        linear(raw, tmp_path / str(k)).stages["noise"].spectrum for k, raw in enumerate((job, turned))
+    )
+    assert second.frequency.values == pytest.approx(first.frequency.values, rel=1e-7)
+    moved, other = first.peak_displacement.values[0], second.peak_displacement.values[0]
+    assert other[[1, 0, 2]] == pytest.approx(moved, rel=1e-6)
+    # 100 % of x with 40 % of z, or the other way round
+    x, _, z = first.peak_displacement_by_direction.values[:, 0]
+    assert moved == pytest.approx(np.maximum(x + 0.4 * z, z + 0.4 * x), rel=1e-12)
+    for name in ("max_principal_stress", "static_principal_stress"):
+        assert np.sort(second[name].values) == pytest.approx(np.sort(first[name].values), rel=1e-4)
+    for name in ("max_joint_tension", "static_normal_force", "peak_normal_force"):
+        assert float(second[name][0]) == pytest.approx(float(first[name][0]), rel=1e-4)
+
+
+def test_joint_force_at_rest_is_the_weight_above(record, tmp_path):
+    """Of a column of one section: by stress at the nodes of hex20 within 0.2 %."""
+    raw = rod(record) | {"loads": {"gravity": [0, 0, -9.81]}}
+    dataset = linear(raw, tmp_path).stages["noise"].spectrum
+    assert float(dataset.static_normal_force[0]) == pytest.approx(-2500 * 9.81 * 80.0, rel=2e-3)
 
 
 def test_five_storeys_of_chopra():
@@ -219,7 +247,7 @@ def test_correlation_of_equal_and_undamped_modes():
     assert rho == pytest.approx(rho.T, rel=1e-12)
 
 
-@pytest.mark.parametrize("rule", ["srss", "100_40_40", "100_30_30"])
+@pytest.mark.parametrize("rule", ["srss", "100-40-40", "100-30-30"])
 def test_largest_normal_stress_over_all_directions(rule):
     """Against 60,000 directions at random tensors of every sign."""
     rng = np.random.default_rng(0)
@@ -233,7 +261,7 @@ def test_largest_normal_stress_over_all_directions(rule):
     if rule == "srss":
         together = np.sqrt((R**2).sum(axis=0))
     else:
-        lesser = 0.4 if rule == "100_40_40" else 0.3
+        lesser = 0.4 if rule == "100-40-40" else 0.3
         together = lesser * R.sum(axis=0) + (1 - lesser) * R.max(axis=0)
     assert combine_directions(R, rule) == pytest.approx(together)
     brute = (S @ p.T + together).max(axis=1)
@@ -366,8 +394,10 @@ def test_weight_stands_on_open_joints_where_it_is_staged(record, tmp_path):
 
 def test_stages_in_one_command_and_one_table(record, tmp_path):
     """Records of a job with `linear_stage`: files, the table of all three, and `romdam linear` the same."""
-    raw = tower(record, linear_stage={})
-    (tmp_path / "job.yaml").write_text(load_config(raw).to_yaml())
+    raw = tower(record, linear_stage={"directions": "100-30-30"})
+    job = load_config(raw)
+    (tmp_path / "job.yaml").write_text(job.to_yaml())
+    assert load_config(tmp_path / "job.yaml").config.linear_stage.directions == "100-30-30"
     run = CliRunner().invoke(app, ["run", str(tmp_path / "job.yaml"), "-o", str(tmp_path / "r")])
     assert run.exit_code == 0, run.output
     for words in ("Stages of the analysis, noise", "largest opening", "tension across the joint"):
@@ -384,6 +414,15 @@ def test_stages_in_one_command_and_one_table(record, tmp_path):
     assert {len(row) for row in table.rows} == {6}
     linear_opening = [row for row in table.rows if row[0] == "largest opening"]
     assert [row[3:5] for row in linear_opening] == [("-", "-")] and float(linear_opening[0][5]) >= 0.0
+
+
+def test_record_that_cannot_be_read_does_not_stop_the_others(record, tmp_path):
+    raw = tower(record)
+    raw["records"] = [record, record | {"name": "gone", "components": {"x": {"file": "/nowhere.txt"}}}]
+    (tmp_path / "job.yaml").write_text(load_config(raw).to_yaml())
+    run = CliRunner().invoke(app, ["linear", str(tmp_path / "job.yaml"), "-o", str(tmp_path / "r")])
+    assert run.exit_code == 1 and "gone: " in run.output
+    assert (tmp_path / "r" / "linear" / "noise-stages.csv").is_file()
 
 
 REFUSED = {

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import typer
+
 import romdam
 from romdam.commands.caches import Cache, NoCache, folder_of_blocks
-from romdam.commands.options import Config, Out, Quiet, Verbose
+from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose
 from romdam.surroundings import search_what_comes
 
 
@@ -24,7 +26,7 @@ def linear(
     them, where CONFIG has `linear_stage`.
     """
     from romdam.pipelines.linear import linear as run_linear
-    from romdam.terminal import open_terminal
+    from romdam.terminal import complain, open_terminal
     from romdam.terminal.tables import stress_tables, variant_table
 
     stages, say = open_terminal(quiet, verbose)
@@ -34,3 +36,6 @@ def linear(
     say(*stress_tables({record: stage.history for record, stage in outcome.stages.items()}))
     say(*(variant_table(table) for table in outcome.tables))
     say(*(f"written: {path}" for path in outcome.paths))
+    if outcome.failures:
+        complain(*(f"{record}: {message}" for record, message in outcome.failures.items()))
+        raise typer.Exit(FAILED)

@@ -28,8 +28,8 @@ from romdam.core.system import System
 from romdam.records.spectra import pseudo_acceleration
 
 Combination = Literal["cqc", "srss"]
-Directions = Literal["srss", "100_40_40", "100_30_30"]
-_LESSER = {"100_40_40": 0.4, "100_30_30": 0.3}  # share of the other two components
+Directions = Literal["srss", "100-40-40", "100-30-30"]
+_LESSER = {"100-40-40": 0.4, "100-30-30": 0.3}  # share of the other two components
 _OFF = 0.005  # of the damping ratio of a spectrum, by which the leading mode may differ untold
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
 _STARTS = 600  # directions on a half sphere, 6 degrees apart: the best is below the peak by 1 % at most

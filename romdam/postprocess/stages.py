@@ -15,6 +15,7 @@ from romdam.postprocess.variant_tables import Row, Table
 STAGES = "stages"  # of file names
 HEAD = ("quantity", "where", "unit", "response spectrum", "linear history", "nonlinear run")
 _NONE = "-"
+_IN_RING = "not judged: all of it is in the ring"
 _ELASTIC = 1.0  # demand-capacity ratio up to which nothing cracks
 
 
@@ -97,7 +98,10 @@ def _stress(
         )
         for kind in _kinds(linear):
             met = [None if one is None else one.acceptance.sel(dam_kind=kind).values for one in total]
-            verdicts = [None if one is None else verdict([int(x) for x in one]) for one in met]
+            judged = not math.isnan(float(of_spectrum.face_demand_capacity_ratio))
+            verdicts = [
+                None if one is None else verdict([int(x) for x in one]) if judged else _IN_RING for one in met
+            ]
             yield f"linear criteria, {kind}", name, "", _by_spectrum(of_spectrum, kind), *verdicts
 
 
@@ -111,7 +115,7 @@ def _by_spectrum(face: xr.Dataset, kind: str) -> str:
     """What a response spectrum can say of a face: it knows no duration."""
     ratio, share = float(face.face_demand_capacity_ratio), float(face.face_overstressed_share)
     if math.isnan(ratio):
-        return "not judged: all of it is in the ring"
+        return _IN_RING
     if ratio <= _ELASTIC:
         return "passes: elastic"
     limits = LIMITS[kind]

@@ -228,7 +228,7 @@ def _arch() -> dict[str, Any]:
                 "damping": "5 %",
             },
             "combination": "srss",
-            "directions": "100_40_40",
+            "directions": "100-40-40",
             "cutoff": "12 Hz",
         },
         "transient": {"finest_step": 0.005, "duration": 0.2},

@@ -48,7 +48,7 @@ class LinearStageConfig(Model):
     """Spectra of the ground; those of each record, at the damping of each mode, if not given."""
     combination: Literal["cqc", "srss"] = "cqc"
     """Rule by which modes are combined."""
-    directions: Literal["srss", "100_40_40", "100_30_30"] = "srss"
+    directions: Literal["srss", "100-40-40", "100-30-30"] = "srss"
     """Rule by which the three components of the ground are combined."""
     cutoff: Annotated[Frequency, Field(gt=0.0)] = 33.0
     """Frequency up to which modes answer the spectrum; what is stiffer follows the ground statically."""
