@@ -161,7 +161,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         job, motions = plan.job, list(plan.motions.values())
         runs = len(plan.first)
         with clock.stage("model", "reducing the blocks"), placed(job.path):
-            model = reduced_model(job, plan.scene, store, estimated=True)
+            model = reduced_model(job, plan.scene, store, estimated=True, also=plan.samples.also)
     else:
         with clock.stage("records", "reading records"):
             try:

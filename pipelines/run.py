@@ -41,7 +41,7 @@ from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes, with_modes
 from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
-from romdam.pipelines.error.estimate import can_estimate, reduced_models, with_estimates
+from romdam.pipelines.error.estimate import can_estimate, variable_models, with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
 from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
@@ -507,13 +507,20 @@ def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, esti
         return reduced_model(job, scene, store, estimated=estimated)
 
 
-def reduced_model(job: Job, scene: Scene, store: BlockStore | None, *, estimated: bool) -> Model:
-    """A scene's reduced model; see `build_model`."""
+def reduced_model(
+    job: Job,
+    scene: Scene,
+    store: BlockStore | None,
+    *,
+    estimated: bool,
+    also: Sequence[Scene] | None = None,
+) -> Model:
+    """A scene's reduced model; see `build_model`, and `romdam.reduction.synthesis.reduce_scene_twice`."""
     if estimated:
-        reduced, finer = reduced_models(job, scene, store)
-    else:
-        reduced, finer = reduce_scene(scene, job.config.model, job.config.damping, store), None
-    return Model(scene, prepare(job, reduced.system), reduced, finer)
+        reduced, finer, finer_dry = variable_models(job, scene, store, also)
+        return Model(scene, prepare(job, reduced.system), reduced, finer, finer_dry=finer_dry)
+    reduced = reduce_scene(scene, job.config.model, job.config.damping, store, also=also)
+    return Model(scene, prepare(job, reduced.system), reduced)
 
 
 def run_motion(

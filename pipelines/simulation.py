@@ -19,7 +19,7 @@ from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.force_rows import add_force_rows, force_warnings, step_of_signals
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.records.processing.support_motions import add_support_rows
-from romdam.reduction.synthesis import ReducedModel
+from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
@@ -39,7 +39,8 @@ log = logging.getLogger(__name__)
 class Model:
     """A scene and its prepared system; no `reduced` at full order, no `finer` without an error estimate.
 
-    `stress` holds, block by block, the stress of the reduced coordinates where it is asked for.
+    `stress` holds, block by block, the stress of the reduced coordinates where it is asked for; `finer_dry`
+    is the finer model before effects act, where other materials and levels are made of it.
     """
 
     scene: Scene
@@ -47,6 +48,7 @@ class Model:
     reduced: ReducedModel | None
     finer: FinerModel | None = None
     stress: dict[str, StressFields] = field(default_factory=dict)
+    finer_dry: DryModel | None = None
 
     @property
     def system(self) -> System:

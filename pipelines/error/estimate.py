@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
@@ -15,7 +16,7 @@ from romdam.error.statement import ErrorStatement, unknown_estimate
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, source_step
 from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.synthesis import ReducedModel, reduce_scene, reduce_scene_twice
+from romdam.reduction.synthesis import DryModel, ReducedModel, reduce_scene, reduce_scene_twice
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.step_control import follows_base_step, hardly_cut
 
@@ -40,12 +41,31 @@ def reduced_models(
     job: Job, scene: Scene, store: BlockStore | None = None
 ) -> tuple[ReducedModel, FinerModel | None]:
     """The reduced model of a job, and the finer one; None where no estimate is wanted or can be made."""
+    return variable_models(job, scene, store)[:2]
+
+
+def variable_models(
+    job: Job, scene: Scene, store: BlockStore | None = None, also: Sequence[Scene] | None = None
+) -> tuple[ReducedModel, FinerModel | None, DryModel | None]:
+    """The reduced model of a job, the finer one, and this before effects act.
+
+    The finer one is None where no estimate is wanted or can be made, the last also where none is kept.
+
+    Parameters
+    ----------
+    also : see `romdam.reduction.synthesis.reduce_scene_twice`
+    """
     model, damping = job.config.model, job.config.damping
     if model.modes == "all" or not can_estimate(job):
-        return reduce_scene(scene, model, damping, store), None
-    reduced, fine = reduce_scene_twice(scene, model, damping, store)
+        return reduce_scene(scene, model, damping, store, also=also), None, None
+    reduced, fine = reduce_scene_twice(scene, model, damping, store, also=also)
+    return reduced, finer_model(job, scene, reduced, fine), fine.dry
+
+
+def finer_model(job: Job, scene: Scene, reduced: ReducedModel, fine: ReducedModel) -> FinerModel:
+    """The model that the estimates of runs on a reduced one compare with."""
     not_finer = tuple(parts_without_refinement(scene, reduced, fine))
-    return reduced, FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine), not_finer)
+    return FinerModel(prepare(job, fine.system), embedding(scene, reduced, fine), not_finer)
 
 
 def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: History) -> ErrorStatement:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +16,9 @@ from tempfile import TemporaryDirectory
 import xarray as xr
 
 from romdam.config.load import Job, located
+from romdam.config.parameters import vary
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
+from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.fingerprint import code_digest, fingerprint, scene_content
 from romdam.core.motion import GroundMotion
@@ -37,6 +39,8 @@ from romdam.results.suite.design import design_dataset, no_factors, scale_count,
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row, source_of_rows
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
+from romdam.scene.build import build_scene
+from romdam.scene.varied import part_factors, vary_scene
 
 log = logging.getLogger(__name__)
 
@@ -130,14 +134,20 @@ def make_plan(job: Job, clock: Clock) -> Plan:
         job = log_scene_warnings(scene, job)
         # the basis is of the joints of a sample with shear, if there is one
         basis, contents = None if samples.places else scene, []
+        if samples.structural:
+            samples = replace(samples, also=extreme_scenes(job, samples, columns))
         for number in range(sample_count):
             sample_scene, varied = samples.scene(job, scene, number)
+            if varied.structure:
+                part_factors(scene, sample_scene, str(job.path))
             if basis is None and gap_law(sample_scene).directions == 3:
-                basis = sample_scene
+                basis = (
+                    vary_scene(sample_scene, job.config, str(job.path)) if varied.structure else sample_scene
+                )
             contents.append(sample_content(sample_scene, varied))
         scene = basis or scene
     samples = replace(samples, contents=tuple(contents))
-    runs = _runs(records, _model_key(job, scene), contents)
+    runs = _runs(records, _model_key(job, scene, samples.also or ()), contents)
     # a summary without runs, written to nowhere: a name that it cannot hold is found before the first run
     unmeasured = [replace(record, motion=None) for record in records]
     with TemporaryDirectory() as folder:
@@ -150,6 +160,41 @@ def make_plan(job: Job, clock: Clock) -> Plan:
             ) from error
     statement = None if choice is None else choice.statement
     return Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
+
+
+def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) -> tuple[Scene, ...]:
+    """The scenes at the lowest and the highest level that samples have, built anew.
+
+    So a level that a run would refuse is refused here, and the basis answers the water's loads at both. Where
+    the modulus scales loads by temperature beside others, that of the largest is there too.
+
+    Raises
+    ------
+    ConfigError
+        for what a run with the sample would refuse, and for results that would be kept.
+    """
+    suite, source = _suite(job), str(job.path)
+    if suite.keep != "peaks":
+        raise ConfigError(
+            f"{source}: suite.keep: a kept result goes with the basis of the suite, which is not that of "
+            f"other materials and levels ({', '.join(samples.structural)}); set keep: peaks, or run those "
+            "samples alone"
+        )
+    numbers = list[int]()
+    for name in samples.structural:
+        if samples.places[name].is_level:
+            numbers += [int(columns[name].argmin()), int(columns[name].argmax())]
+        elif samples.places[name].keys == ("E",) and job.config.loads.temperature:
+            numbers.append(int(columns[name].argmax()))
+    scenes = list[Scene]()
+    for number in dict.fromkeys(numbers):
+        varied = vary(job.config, samples.places, samples.values[number], source)
+        values = ", ".join(f"{name} = {samples.values[number][name]:g}" for name in samples.structural)
+        try:
+            scenes.append(build_scene(varied.config, job.folder, source))
+        except ConfigError as error:
+            raise ConfigError(f"{error} (suite.parameters: sample {number}, {values})") from None
+    return tuple(scenes)
 
 
 def _suite(job: Job) -> SuiteConfig:
@@ -205,7 +250,7 @@ def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) ->
     return runs
 
 
-def _model_key(job: Job, scene: Scene) -> str:
+def _model_key(job: Job, scene: Scene, also: Sequence[Scene] = ()) -> str:
     """Of everything but the records and what the samples vary.
 
     What a sample without friction answers depends on the basis, which has the gaps' tangential directions
@@ -221,7 +266,9 @@ def _model_key(job: Job, scene: Scene) -> str:
         "keep": "" if suite is None else str(suite.keep),
         "directions": gap_law(scene).directions,
     }
-    return fingerprint((LAYOUT, code_digest(), asked, *scene_content(scene, _OF_SAMPLES)))
+    loads = [(other.water, other.reservoir, other.blocks) for other in also]  # that the basis answers
+    more = (loads,) if loads else ()
+    return fingerprint((LAYOUT, code_digest(), asked, *scene_content(scene, _OF_SAMPLES), *more))
 
 
 def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:

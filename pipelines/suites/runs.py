@@ -17,22 +17,26 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
 from romdam.core.threads import one_thread
+from romdam.effects.scene_effects import scene_effects
+from romdam.fem.assembly import Assembly
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.error.estimate import with_estimates
+from romdam.pipelines.error.estimate import finer_model, with_estimates
 from romdam.pipelines.floor_spectra import floors_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motions
-from romdam.pipelines.stresses import stress_of
+from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.suites.progress import Note
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
+from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
+from romdam.scene.varied import part_factors
 
 _INTEGRATION = 0.5  # of a task's time; the rest goes to its rows and the estimates of their errors
 
 
 def sample_model(suite: Suite, number: int) -> Model:
-    """The model with the joints and the damping of one sample; nothing is reduced.
+    """The model of one sample; nothing is reduced.
 
     Raises
     ------
@@ -49,12 +53,39 @@ def sample_model(suite: Suite, number: int) -> Model:
             f"on a worker; leave those in {job.folder} as they are, and run the same command again"
         )
     assert model.reduced is not None
+    if suite.samples.structural:
+        return structural_model(job, model, scene, varied)
     system, finer = _with_sample(job, model.system, scene, varied), model.finer
     if finer is not None:
         other = _with_sample(job, finer.prepared.system, scene, varied)
         finer = replace(finer, prepared=prepare(job, other, like=finer.prepared))
     reduced, prepared = replace(model.reduced, system=system), prepare(job, system, like=model.prepared)
     return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
+
+
+def structural_model(job: Job, model: Model, scene: Scene, varied: Varied) -> Model:
+    """The model with other materials and levels: its parts scaled as wholes, then all effects of the scene.
+
+    Parameters
+    ----------
+    model : with what is needed for that, see `romdam.reduction.synthesis.reduce_scene_twice`
+    scene, varied : of the sample
+    """
+    assert model.reduced is not None and model.reduced.dry is not None
+    dry, law = model.reduced.dry, gap_law(scene)
+    factors = part_factors(model.scene, scene, str(job.path))
+    directions = dry.system.law.directions
+    effects = scene_effects(scene, varied.damping, directions, Assembly(scene.blocks), dry.choice.solving)
+
+    def of_sample(dry: DryModel) -> ReducedModel:
+        reduced = dry.scaled(factors).with_effects(effects)
+        return replace(reduced, system=with_parameters(reduced.system, law, None))
+
+    reduced, finer = of_sample(dry), model.finer
+    if model.finer_dry is not None:
+        finer = finer_model(job, scene, reduced, of_sample(model.finer_dry))
+    sample = replace(model, scene=scene, prepared=prepare(job, reduced.system), reduced=reduced, finer=finer)
+    return replace(sample, stress=stress_fields(scene, reduced))
 
 
 def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:

@@ -23,6 +23,7 @@ from romdam.pipelines.simulation import Model
 from romdam.results.suite.rows import Kept, RunIndex
 from romdam.results.variables import Case
 from romdam.scene.joints import with_properties
+from romdam.scene.varied import vary_scene
 
 
 @dataclass(frozen=True)
@@ -33,15 +34,23 @@ class Samples:
     ----------
     places : name of each parameter -> where it stands
     values : name of each parameter -> its value, for each sample
-    contents : SHA-256 of the joints and the damping of each sample
+    contents : SHA-256 of each sample
+    also : scenes of some samples, whose loads the basis answers too; None where no sample changes blocks or
+        loads
     """
 
     places: dict[str, VariedKey]
     values: tuple[dict[str, float], ...]
     contents: tuple[str, ...] = ()
+    also: tuple[Scene, ...] | None = None
+
+    @property
+    def structural(self) -> list[str]:
+        """Names of the parameters of materials and levels."""
+        return [name for name, key in self.places.items() if key.structure]
 
     def scene(self, job: Job, scene: Scene, number: int) -> tuple[Scene, Varied]:
-        """The scene with the joints of one sample, and the joints and damping themselves.
+        """The scene of one sample, and what it varies.
 
         Raises
         ------
@@ -49,6 +58,8 @@ class Samples:
             for values that do not fit together.
         """
         varied = vary(job.config, self.places, self.values[number], str(job.path))
+        if varied.structure:
+            scene = vary_scene(scene, varied.config, str(job.path))
         joints = {
             name: with_properties(joint, varied.joints[name], job.folder, str(job.path))
             for name, joint in scene.joints.items()
@@ -57,8 +68,9 @@ class Samples:
 
 
 def sample_content(scene: Scene, varied: Varied) -> str:
-    """SHA-256 of the joints and the damping of one sample."""
-    return fingerprint((gap_law(scene), varied.damping.model_dump_json()))
+    """SHA-256 of one sample: its joints and damping, its materials and levels."""
+    structure = (varied.structure,) if varied.structure else ()
+    return fingerprint((gap_law(scene), varied.damping.model_dump_json(), *structure))
 
 
 @dataclass(frozen=True)

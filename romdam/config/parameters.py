@@ -1,4 +1,4 @@
-"""Values for named places of the joints and the damping: what a suite may vary without a new reduction."""
+"""Values for named numbers of a configuration: what a suite may vary without a new reduction."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from pydantic import TypeAdapter, ValidationError
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
-from romdam.config.sections.job import Config, DampingConfig, RayleighConfig
+from romdam.config.sections.job import Config, DampingConfig, MaterialConfig, RayleighConfig
 from romdam.config.sections.joint_laws import annotation
 from romdam.config.sections.joints import JointConfig
+from romdam.config.sections.water import WaterConfig
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import law_order
 from romdam.contact.laws.law import Law, Parameter
@@ -26,6 +27,7 @@ Section = TypeVar("Section", bound=Model)
 
 _UDUNITS = {"": "1", "m/s": "m s-1", "N/m": "N m-1", "N/m^3": "N m-3", "N*s/m^3": "N s m-3", "1/s": "s-1"}
 _GAP = Parameter("gap", "m", least=-math.inf)
+_STRUCTURE = {"E": "Pa", "rho": "kg m-3", "level": "m"}
 _DAMPING = {"rayleigh.ratio": "1", "rayleigh.alpha": "s-1", "rayleigh.beta": "s", "modal": "1"}
 
 
@@ -55,6 +57,7 @@ class VariedKey:
     keys : of the joint or of `damping`
     units : of the SI value, UDUNITS
     parameter : what may stand there, of a joint
+    structure : where it stands in materials, water or loads; empty for joints and damping
     """
 
     path: str
@@ -62,14 +65,44 @@ class VariedKey:
     keys: tuple[str, ...]
     units: str
     parameter: Parameter | None = None
+    structure: tuple[str, ...] = ()
+
+    @property
+    def is_level(self) -> bool:
+        """Tell whether it is a level of water."""
+        return bool(self.structure) and self.keys == ("level",)
 
 
 @dataclass(frozen=True)
 class Varied:
-    """The joints and the damping of one sample."""
+    """One sample.
+
+    Attributes
+    ----------
+    joints, damping : its joints and its damping
+    config : the configuration with its materials and levels
+    structure : place in the configuration -> its value, of these
+    """
 
     joints: dict[str, JointConfig]
     damping: DampingConfig
+    config: Config
+    structure: dict[str, float]
+
+
+def structure_places(config: Config) -> dict[str, float]:
+    """Every number of the materials, the water and the loads that a suite may vary, by its path; SI."""
+    places = {
+        f"materials.{name}.{key}": float(getattr(material, key))
+        for name, material in config.materials.items()
+        for key in ("E", "rho")
+    }
+    if config.water is not None:
+        places["water.level"] = config.water.level
+    for section in ("hydrostatic", "joint_water"):
+        for k, load in enumerate(getattr(config.loads, section)):
+            places[f"loads.{section}.{k}.level"] = load.level
+    return places
 
 
 def joints_at(config: Config, path: str) -> tuple[str, ...]:
@@ -120,6 +153,10 @@ def find_varied_key(config: Config, paths: str | Sequence[str], name: str, sourc
     where = f"{source}: suite.parameters.{name}.path"
     paths = (paths,) if isinstance(paths, str) else paths
     fields, joints = list[str](), list[str]()
+    known = structure_places(config)
+    places = [place for place in known if any(fnmatch.fnmatchcase(place, path) for path in paths)]
+    if places and all(fnmatch.filter(places, path) for path in paths):
+        return _structure_key(config, paths, places, where)
     for path in paths:
         root, _, rest = path.partition(".")
         if root == "damping" and rest in _DAMPING and len(paths) == 1:
@@ -139,6 +176,35 @@ def find_varied_key(config: Config, paths: str | Sequence[str], name: str, sourc
     units = _UDUNITS.get(parameter.unit, parameter.unit)
     ordered = tuple(joint for joint in config.every_joint if joint in joints)
     return VariedKey(", ".join(paths), ordered, tuple(fields[0].split(".")), units, parameter)
+
+
+def _structure_key(config: Config, paths: Sequence[str], places: Sequence[str], where: str) -> VariedKey:
+    """A number of the materials, or levels of the water, which vary together where they are one."""
+    (key, *others) = dict.fromkeys(place.rpartition(".")[2] for place in places)
+    if others:
+        raise ConfigError(
+            f"{where}: the paths of a list have one key, got {listed([key, *others])}; make a parameter of "
+            "each key"
+        )
+    if key == "level":
+        values = structure_places(config)
+        levels = {values[place] for place in places}
+        left = [
+            p for p, value in values.items() if p.endswith(".level") and value in levels and p not in places
+        ]
+        if left:
+            raise ConfigError(
+                f"{where}: {left[0]} is at the same {values[left[0]]:g} m and would not follow; name it too, "
+                "as path: [" + ", ".join([*places, *left]) + "]"
+            )
+        water = config.water
+        if "water.level" in places and water is not None and (water.mesh is not None or water.has_waves):
+            what = "the mesh of the reservoir ends at it" if water.mesh else "its waves are reduced for it"
+            raise ConfigError(
+                f"{where}: water.level cannot be varied, as {what}; take water.model: incompressible or "
+                "westergaard without a mesh, or run one suite for each level"
+            )
+    return VariedKey(", ".join(paths), (), (key,), _STRUCTURE[key], None, tuple(places))
 
 
 def refuse_unvaried(config: Config, source: str) -> None:
@@ -176,8 +242,9 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
         return f"{quote(path)} cannot be varied; in {root} can {', '.join(keys)}{meant}"
     return (
         f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
-        "or the loads, which all runs of a suite share; vary joints.<name>.<key> or damping.<key>, and run "
-        "one suite for each value of the rest"
+        "or the loads, which all runs of a suite share; vary joints.<name>.<key>, damping.<key>, "
+        "materials.<name>.E or .rho, water.level, loads.hydrostatic.<number>.level or "
+        "loads.joint_water.<number>.level, and run one suite for each value of the rest"
     )
 
 
@@ -206,14 +273,16 @@ def _adapter(key: VariedKey) -> TypeAdapter[Any]:
     """Reader of what the key takes."""
     if key.parameter is not None:
         return TypeAdapter(annotation(key.parameter))
-    owner = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
+    owner: type[Model] = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
+    if key.structure:
+        owner = WaterConfig if key.is_level else MaterialConfig
     field = owner.model_fields[key.keys[-1]]
     kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
     return TypeAdapter(kind)
 
 
 def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, float], source: str) -> Varied:
-    """The joints and damping of a configuration with values put in their places.
+    """A configuration with values put in their places.
 
     Parameters
     ----------
@@ -228,7 +297,12 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
     for name, joint in config.every_joint.items():
         raw[name]["law"] = joint.law  # with their files, which are no part of what a configuration says
     damping = config.damping.model_dump(mode="json", exclude_none=True)
+    structure = {
+        place: float(values[name]) for name, parameter in places.items() for place in parameter.structure
+    }
     for name, parameter in places.items():
+        if parameter.structure:
+            continue
         value = "rigid" if values[name] == float("inf") else float(values[name])
         for section in [raw[joint] for joint in parameter.joints] if parameter.joints else [damping]:
             target = section
@@ -243,7 +317,29 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
         name: _checked(JointConfig, properties, f"{source}: sample {stated}: joints.{name}")
         for name, properties in raw.items()
     }
-    return Varied(joints, _checked(DampingConfig, damping, f"{source}: sample {stated}: damping"))
+    checked = _checked(DampingConfig, damping, f"{source}: sample {stated}: damping")
+    return Varied(joints, checked, _with_structure(config, structure), structure)
+
+
+def _with_structure(config: Config, structure: Mapping[str, float]) -> Config:
+    """The configuration with other materials and levels."""
+    if not structure:
+        return config
+    materials, loads, water = dict(config.materials), config.loads, config.water
+    for place, value in structure.items():
+        section, _, rest = place.partition(".")
+        name, _, key = rest.rpartition(".")  # a material's name may have a point
+        if section == "materials":
+            materials[name] = materials[name].model_copy(update={key: value})
+        elif section == "water":
+            assert water is not None
+            water = water.model_copy(update={"level": value})
+        else:
+            kind, number = name.split(".")
+            entries = list(getattr(loads, kind))
+            entries[int(number)] = entries[int(number)].model_copy(update={"level": value})
+            loads = loads.model_copy(update={kind: tuple(entries)})
+    return config.model_copy(update={"materials": materials, "loads": loads, "water": water})
 
 
 def _checked(model: type[Section], raw: object, source: str) -> Section:

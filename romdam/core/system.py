@@ -469,7 +469,7 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
             "no friction, cohesion or shear key; reduce it with friction"
         )
     B, more, moving = system.B, system.at_point, system.pseudo_static
-    if law.directions != reduced:
+    if law.directions != reduced > 0:  # without joints there is none
         B, more = csr_matrix(B[::reduced]), None if more is None else csr_matrix(more[::reduced])
         moving = None if moving is None else moving.normal(reduced)
     C = system.C

@@ -132,6 +132,46 @@ class Lazy:
 
 
 @dataclass(frozen=True)
+class Scaled:
+    """Another basis, each of whose vectors has a factor.
+
+    Attributes
+    ----------
+    left : the other
+    factors : (m,)
+    """
+
+    left: Basis
+    factors: Floats
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """DOFs and vectors."""
+        return self.left.shape
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes if it were formed."""
+        return self.left.nbytes
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        return self.left.rows(which) * self.factors
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return self.left.apply((self.factors * q.T).T)
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        return np.asarray((self.factors * self.left.project(force).T).T)
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return self.left.under(operator) * self.factors
+
+
+@dataclass(frozen=True)
 class Augmented:
     """[inner, more] mix: a finer basis that contains the one of a block.
 

@@ -16,7 +16,7 @@ from romdam.core.basis import Basis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.parts import basis_over_unknowns
-from romdam.reduction.basis import Augmented, Lazy, over_coordinates
+from romdam.reduction.basis import Augmented, Lazy, Scaled, over_coordinates
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
@@ -50,7 +50,7 @@ def parts_without_refinement(scene: Scene, coarse: ReducedModel, fine: ReducedMo
 
 def _vectors(basis: Basis) -> int:
     """How many vectors span a basis, turned into other coordinates or not."""
-    return _vectors(basis.left) if isinstance(basis, Lazy) else basis.shape[1]
+    return _vectors(basis.left) if isinstance(basis, Lazy | Scaled) else basis.shape[1]
 
 
 def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_matrix:
@@ -104,4 +104,7 @@ def _within(fine: Basis, coarse: Basis) -> Floats | None:
     if isinstance(fine, Lazy) and isinstance(coarse, Lazy):
         inner = _within(fine.left, coarse.left)
         return None if inner is None else fine.turn.rows(coarse.turn.rows(inner).T).T
+    if isinstance(fine, Scaled) and isinstance(coarse, Scaled):  # each unit of mass has another size
+        inner = _within(fine.left, coarse.left)
+        return None if inner is None else inner * coarse.factors / fine.factors[:, None]
     return fine.within if isinstance(fine, Augmented) and fine.inner.vectors is coarse else None

@@ -7,7 +7,7 @@ matrices are assembled once (`romdam.fem.assembly.Assembly`) and freed when it i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,10 @@ from scipy.sparse import csr_matrix, eye_array
 from romdam.core.arrays import Bools, Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Scene
-from romdam.effects.added_mass import AddedMass, WetMass
+from romdam.effects.added_mass import AddedMass, WetMass, added_mass
 from romdam.effects.effect import Effect
 from romdam.effects.moving_supports import CarriedInertia
-from romdam.effects.static_loads import StaticLoads
+from romdam.effects.static_loads import StaticLoads, static_loads
 from romdam.fem.assembly import Assembly
 from romdam.fem.parts import gather, part_operator
 from romdam.linalg.multigrid import Motions
@@ -79,6 +79,18 @@ def assemble_block_loads(
         carried=none if carried is None else carried.inertia,
         water=next((effect for effect in effects if isinstance(effect, AddedMass)), None),
     )
+
+
+def with_loads_of(loads: BlockLoads, scene: Scene) -> BlockLoads:
+    """The loads with the static loads, and the pressures of the water, of the scene at another level."""
+    static, water = static_loads(scene), added_mass(scene)
+    pressed = dict(loads.pressed)
+    more = {} if water is None else water.static_loads(None)
+    width = max((load.shape[1] for load in more.values()), default=0)
+    for name, before in pressed.items():
+        pressure = more.get(name, np.zeros((len(before), width)))
+        pressed[name] = np.hstack([before, static.surface[name][:, None], pressure])
+    return replace(loads, pressed=pressed)
 
 
 def has_no_mass(mesh_part: Part, scene: Scene) -> bool:

@@ -7,7 +7,7 @@ modes. With rigid rock every block is a part; blocks with a merged interface are
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,12 +20,12 @@ from romdam.core.errors import ReductionError
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.added_mass import AddedMass
-from romdam.effects.effect import Coordinates, ModalCoordinates
+from romdam.effects.effect import Coordinates, Effect, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.linalg.solvers import candidates
-from romdam.reduction.basis import over_coordinates
+from romdam.reduction.basis import Scaled, over_coordinates
 from romdam.reduction.methods.craig_bampton import CraigBampton
 from romdam.reduction.methods.free_interface import FreeInterface
 from romdam.reduction.methods.massless import Massless
@@ -39,7 +39,7 @@ from romdam.reduction.reductor import (
     select_reductor,
 )
 from romdam.reduction.storage.model_file import BlockStore
-from romdam.reduction.substructure import Substructure, assemble_block_loads
+from romdam.reduction.substructure import Substructure, assemble_block_loads, with_loads_of
 from romdam.scene.ties import scene_parts
 
 # a part is reduced by the first that serves it
@@ -57,6 +57,7 @@ class ReducedModel:
     report : block name -> numbers on its reduction, and "cpu_seconds" of the whole
     water : the added mass that the system has, or None
     reservoir : (n, m) basis of the unknowns that compressible water has on the mesh; None without
+    dry : the same before effects act, from which other materials and levels are made; None where none is kept
     """
 
     system: System
@@ -64,6 +65,75 @@ class ReducedModel:
     report: dict[str, object]
     water: AddedMass | None = None
     reservoir: Floats | None = None
+    dry: DryModel | None = None
+
+
+@dataclass(frozen=True)
+class DryModel:
+    """Reduced parts before effects act: their open-joint modes side by side.
+
+    Attributes
+    ----------
+    system : of the blocks alone, without damping, static loads and water
+    basis, report : see `ReducedModel`
+    choice : of its modes
+    """
+
+    system: System
+    basis: dict[str, BlockBasis]
+    report: dict[str, object]
+    choice: ModeChoice
+
+    def scaled(self, factors: Mapping[str, tuple[float, float]]) -> DryModel:
+        """The parts with other moduli and densities, each as a whole: their modes keep their shapes.
+
+        Parameters
+        ----------
+        factors : block name -> factors on the stiffness and the mass of its part; 1 where it is not named
+        """
+        system, omega2 = self.system, self.system.K.diagonal()
+        size, load = np.ones(system.size), np.array(system.load)
+        turned, basis = set[int](), dict(self.basis)
+        for name, (stiffness, mass) in factors.items():
+            block = self.basis[name]
+            columns = block.columns
+            dynamic = slice(columns.start, columns.stop - block.massless)
+            if columns.start not in turned:
+                turned.add(columns.start)
+                omega2[columns] *= stiffness
+                omega2[dynamic] /= mass
+                size[dynamic] = mass**-0.5
+                load[columns] *= mass * size[columns, None]
+            basis[name] = replace(block, omega2=omega2[columns])
+            if mass != 1.0:
+                basis[name] = replace(
+                    basis[name],
+                    vectors=Scaled(block.vectors, size[columns]),
+                    participation=block.participation * (mass * size[columns, None]),
+                )
+        K = csr_matrix(diags_array(omega2))
+        if (size == 1.0).all():
+            return replace(self, system=replace(system, K=K), basis=basis)
+        each = diags_array(size)
+        more = system.at_point
+        system = replace(
+            system,
+            K=K,
+            B=csr_matrix(system.B @ each),
+            load=load,
+            observe=csr_matrix(system.observe @ each),
+            at_point=None if more is None else csr_matrix(more @ each),
+        )
+        return replace(self, system=system, basis=basis)
+
+    def with_effects(self, effects: Sequence[Effect]) -> ReducedModel:
+        """The reduced model, once all effects act."""
+        system, water = self.system, next((one for one in effects if isinstance(one, AddedMass)), None)
+        coordinates: Coordinates = ModalCoordinates(self.basis, system.size, self.choice.finer)
+        for effect in effects:
+            system, coordinates = effect.add(system, coordinates)
+        assert isinstance(coordinates, ModalCoordinates)
+        return ReducedModel(system, coordinates.basis, dict(self.report), water, coordinates.reservoir, self)
 
 
 def reduce_scene(
@@ -72,13 +142,14 @@ def reduce_scene(
     damping: DampingConfig,
     store: BlockStore | None = None,
     reductors: Sequence[Reductor] = REDUCTORS,
+    also: Sequence[Scene] | None = None,
 ) -> ReducedModel:
     """Reduce every part with the modes of a configuration, or a choice of them, and put them together.
 
     See `reduce_scene_twice`.
     """
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
-    return _reduced_scene(scene, damping, [choice], store, reductors)[0]
+    return _reduced_scene(scene, damping, [choice], store, reductors, also)[0]
 
 
 def reduce_scene_twice(
@@ -87,6 +158,7 @@ def reduce_scene_twice(
     damping: DampingConfig,
     store: BlockStore | None = None,
     reductors: Sequence[Reductor] = REDUCTORS,
+    also: Sequence[Scene] | None = None,
 ) -> tuple[ReducedModel, ReducedModel]:
     """Reduce every part, and once more with a finer basis that contains the first.
 
@@ -96,6 +168,8 @@ def reduce_scene_twice(
     ----------
     store : where blocks that were reduced before are found, and new ones kept
     reductors : methods; a part is reduced by the first that serves it
+    also : the scene with other loads and levels of water, whose static answers the bases hold too, where the
+        models are to take other materials and levels; then they keep what that needs
 
     Raises
     ------
@@ -106,7 +180,7 @@ def reduce_scene_twice(
     """
     choice = model if isinstance(model, ModeChoice) else mode_choice(model)
     choices = [choice, replace(choice, finer=True)]
-    coarse, fine = _reduced_scene(scene, damping, choices, store, reductors)
+    coarse, fine = _reduced_scene(scene, damping, choices, store, reductors, also)
     return coarse, fine
 
 
@@ -116,6 +190,7 @@ def _reduced_scene(
     choices: list[ModeChoice],
     store: BlockStore | None,
     reductors: Sequence[Reductor],
+    also: Sequence[Scene] | None,
 ) -> list[ReducedModel]:
     """Return a model for each choice: one, and where there is a second the finer one."""
     start = time.process_time()
@@ -123,6 +198,8 @@ def _reduced_scene(
     effects = scene_effects(scene, damping, law.directions, assembly, choices[0].solving)
     operators = gap_operators(scene, law.directions)
     block_loads = assemble_block_loads(scene.blocks, operators, law.directions, effects)
+    for other in also or ():
+        block_loads = with_loads_of(block_loads, other)
     substructures = {
         name: Substructure(mesh_part, scene, block_loads, assembly)
         for name, mesh_part in scene_parts(scene).items()
@@ -178,14 +255,9 @@ def _reduced_scene(
             initial=scene.initial,
         )
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
-        coordinates: Coordinates = ModalCoordinates(basis, system.size, choice.finer)
-        for effect in effects:
-            system, coordinates = effect.add(system, coordinates)
-        assert isinstance(coordinates, ModalCoordinates)
-        report["cpu_seconds"] = time.process_time() - start
-        models.append(
-            ReducedModel(system, coordinates.basis, report, block_loads.water, coordinates.reservoir)
-        )
+        made = DryModel(system, basis, report, choice).with_effects(effects)
+        made.report["cpu_seconds"] = time.process_time() - start
+        models.append(replace(made, dry=None) if also is None else made)
     return models
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +44,8 @@ from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.temperature import temperature_change
 from romdam.scene.ties import build_tie, merged_parts, refuse_tied
+
+_log = logging.getLogger(__name__)
 
 
 def build_scene(config: Config, folder: Path, source: str) -> Scene:
@@ -96,6 +99,12 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         location = f"{source}: loads.joint_water[{k}]"
         for name in water.joints:
             joints[name] = with_water(joints[name], water, blocks, config.loads.gravity_of_water, location)
+            joint = joints[name]
+            resultant = ", ".join(f"{f / 1e6:.6g}" for f in joint.water_resultant)
+            _log.info(
+                "%s: joint %s: up to %.4g kPa; on %s: (%s) MN",
+                location, name, (joint.water / joint.area).max() / 1e3, joint.blocks[1], resultant,
+            )  # fmt: skip
     refuse_free_blocks(blocks, joints, fixed, source, ties)
     for part in rigid:
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)

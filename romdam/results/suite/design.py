@@ -56,6 +56,15 @@ def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
     }
     taken: dict[tuple[str, str], str] = {}
     for name, key in places.items():
+        for place in key.structure:
+            other = taken.setdefault((place, ""), name)
+            if other != name:
+                raise ConfigError(
+                    f"{source}: suite.parameters.{name}.path: {place} is varied by parameter {other!r} too; "
+                    "remove one of the two"
+                )
+        if key.structure:
+            continue
         for joint in key.joints or ("",):
             other = taken.setdefault((joint, key.keys[0]), name)
             # two keys of one section can vary together, as damping.rayleigh.alpha and .beta

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -16,8 +15,6 @@ from romdam.core.scene import Block, Joint
 from romdam.core.system import LawRows
 from romdam.scene.joint_water.cracked_base import CrackedBase
 from romdam.scene.joint_water.diagram import Diagram, Outline, mean_pressure
-
-_log = logging.getLogger(__name__)
 
 _LEAST = 0.1  # of the direction that must lie in the joint's plane
 
@@ -81,9 +78,4 @@ def with_water(
         excess = (full - pressure) * joint.area
         rows = LawRows(source_of(CrackWater), excess[:, None], excess > 0.0, shear=False)
         wet = replace(wet, laws=(*joint.laws, rows))
-    force = ", ".join(f"{f / 1e6:.6g}" for f in wet.water_resultant)
-    _log.info(
-        "%s: joint %s: up to %.4g kPa; on %s: (%s) MN",
-        location, joint.name, pressure.max() / 1e3, joint.blocks[1], force,
-    )  # fmt: skip
     return wet

@@ -97,13 +97,14 @@ def build_reservoir(
     water = Reservoir(
         faces=tuple(faces),
         level=config.level,
-        depth=config.level - (bottom if config.bottom is None else config.bottom),
+        depth=0.0,
         density=config.density,
         solved=solved,
         upstream=upstream,
-        length=config.length or _DEPTHS * (config.level - bottom),
+        length=0.0,
         sound=sound,
     )
+    water = at_level(water, config, bottom)
     if config.mesh is not None:
         return replace(water, mesh=reservoir_mesh(config.mesh, water, blocks, files, f"{location}.mesh"))
     if water.solved and water.length < _LEAST_DEPTHS * water.depth:
@@ -114,6 +115,21 @@ def build_reservoir(
         )
     _refuse_many_waves(water, blocks, location)
     return water
+
+
+def at_level(water: Reservoir, config: WaterConfig, foot: float) -> Reservoir:
+    """A reservoir without a mesh of its own at the level of a configuration.
+
+    Parameters
+    ----------
+    foot : elevation of the lowest wet point [m]
+    """
+    return replace(
+        water,
+        level=config.level,
+        depth=config.level - (foot if config.bottom is None else config.bottom),
+        length=config.length or _DEPTHS * (config.level - foot),
+    )
 
 
 def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], location: str) -> None:

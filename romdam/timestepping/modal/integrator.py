@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, ClassVar, Self
 
+import numpy as np
+
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.system import History, System
@@ -93,6 +95,11 @@ class ModalIntegrator:
         return [outcomes[i] for i in range(len(simulations))]
 
 
+def _modes(system: System) -> tuple[bytes, bytes, bytes]:
+    """What systems that stand side by side have in common: samples may have other materials and levels."""
+    return system.K.diagonal().tobytes(), np.asarray(system.load).tobytes(), system.force.tobytes()
+
+
 def _batches(simulations: Sequence[Simulation], step: float) -> Iterator[list[int]]:
     """Numbers of the simulations to take together: arrays can stand side by side, and runs gain by it.
 
@@ -108,7 +115,7 @@ def _batches(simulations: Sequence[Simulation], step: float) -> Iterator[list[in
         assert isinstance(integrator, ModalIntegrator)
         merged = b"" if symmetry is None else symmetry.gaps.tobytes()
         laws = law.has_memory, tuple(rows.law for rows in law.laws), bool(law.has_memory and law.mu.any())
-        gaps = (law.directions, *laws, bool(law.K_nz.any()), merged)
+        gaps = (law.directions, *laws, bool(law.K_nz.any()), merged, _modes(prepared.system))
         groups.setdefault((integrator.split(prepared, step).dynamic.tobytes(), *gaps), []).append(i)
     for group in groups.values():
         law = simulations[group[0]].prepared.system.law
