@@ -26,6 +26,7 @@ from romdam.postprocess.response_spectrum import (
     largest_normal_stress,
     modal_peaks,
 )
+from romdam.reduction.natural_modes import natural_modes
 from romdam.scene.build import build_scene
 from romdam.scene.ties import tie_joints
 
@@ -469,15 +470,28 @@ def test_job_without_the_section_has_the_defaults(record, tmp_path):
 
 
 def test_arch_dam_with_water_and_three_components(record, tmp_path):
-    """Mortar joints, temperature, incompressible water: history and spectrum agree as estimates do."""
+    """Mortar joints, temperature, incompressible water: modes are the mesh's, spectrum and history agree."""
+    wet = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)]
     raw = arch_dam() | {
         "loads": {"gravity": [0, 0, -9.81], "weight": "staged", "temperature": [{"change": "-4 K"}]},
+        "water": {"level": 90.0, "faces": wet, "model": "incompressible", "upstream": [0, -1, 0]},
         "damping": {"rayleigh": {"frequencies": [3, 20], "ratio": 0.05}},
         "records": [record],
         "model": {"order": "reduced", "modes": 10},
         "transient": {"finest_step": 0.0025},
         "outputs": {"plots": False},
+        "linear_stage": {"cutoff": 15.0},
     }
     stage = linear(raw, tmp_path).stages["noise"]
+    config = load_config(raw).config
+    scene = build_scene(config, Path(), "s.yaml")
+    tied = tie_joints(scene, scene.joints, config.every_joint, "s.yaml")
+    modes = natural_modes(tied, config.damping, stage.spectrum.sizes["mode"])
+    assert stage.spectrum.frequency.values == pytest.approx(modes.freq, rel=5e-3)  # the last; the first 1e-7
+    assert stage.spectrum.frequency.values[:5] == pytest.approx(modes.freq[:5], rel=1e-5)
+    assert stage.spectrum.damping_ratio.values[:5] == pytest.approx(modes.damping_ratio[:5], rel=1e-5)
+    masses = stage.spectrum.effective_mass.values.sum(axis=0)
+    assert masses == pytest.approx(modes.effective_mass.sum(axis=0), rel=3e-3)
+    assert stage.spectrum.total_mass.values == pytest.approx(modes.total_mass, rel=1e-12)
     ratio = stage.spectrum.max_joint_tension / stage.spectrum.history_max_joint_tension
     assert (ratio > 0.6).all() and (ratio < 2.0).all()
