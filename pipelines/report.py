@@ -26,10 +26,11 @@ from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed
-from romdam.postprocess.responses import response_of
+from romdam.postprocess.responses import intensity_of, response_of
 from romdam.results.dataset import write_dataset
 from romdam.results.fields import open_result
 from romdam.results.stored_run import FOLDER
+from romdam.results.suite.hazard_table import read_hazard
 from romdam.results.suite.report_data import DATA, read_report_data, report_data
 from romdam.results.suite.rows import RunIndex
 from romdam.results.suite.summary import SUMMARY, kept_results, open_summary
@@ -43,6 +44,7 @@ from romdam.visual.report.subject import Subject, Topic, responses
 
 log = logging.getLogger(__name__)
 
+_HAZARD_UNITS = {"m s-2": "m/s^2", "m s-1": "m/s"}  # as files and as quantities spell them
 _BESIDE = {"outputs", "suite", "pipeline", "title", "study"}  # what changes neither scene nor records
 
 
@@ -55,11 +57,13 @@ class ReportOptions:
     response : of the curves, fragility, correlation and sensitivity; the suite's first if None
     intensity : measure that curves and fragility are a function of
     thresholds : of the fragilities, as text with a unit or SI numbers; round numbers from the data if empty
+    hazard : table of the intensity's hazard, which makes annual frequencies of the fragilities
     """
 
     response: str | None = None
     intensity: str = "sa"
     thresholds: Sequence[str | float] = ()
+    hazard: Path | None = None
 
 
 def report_run(
@@ -202,7 +206,18 @@ def _topic(summary: xr.Dataset, options: ReportOptions, folder: Path) -> Topic:
             raise ResultError(f"threshold {threshold}: has no unit; write {threshold} {units}, for example")
         thresholds.append(value)
         command += ["--threshold", str(threshold)]
-    return Topic(options.response, options.intensity, tuple(thresholds), shlex.join(command))
+    hazard = None
+    if options.hazard is not None:
+        measured = intensity_of(summary, options.intensity)
+        wanted = _HAZARD_UNITS.get(str(measured.attrs.get("units", "1")))
+        if wanted is None:
+            raise ResultError(
+                f"--hazard: {options.intensity} is no acceleration or velocity, so no hazard is known of it; "
+                "give --intensity sa, pga or pgv"
+            )
+        hazard = read_hazard(options.hazard, wanted)
+        command += ["--hazard", str(options.hazard)]
+    return Topic(options.response, options.intensity, tuple(thresholds), shlex.join(command), hazard)
 
 
 def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:

@@ -94,6 +94,10 @@ def report(
     threshold: Annotated[
         list[str] | None, typer.Option(help='Of a fragility, such as "20 mm"; give it again for more.')
     ] = None,
+    hazard: Annotated[
+        Path | None,
+        typer.Option(help="CSV file of the intensity's hazard: adds annual frequencies to fragilities."),
+    ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
@@ -107,6 +111,7 @@ def report(
     from romdam.terminal import open_terminal
 
     of_runs = {"--config": config, "--response": response, "--intensity": intensity, "--threshold": threshold}
+    of_runs["--hazard"] = hazard
     one_run = not source.is_dir()
     for option, value in of_runs.items() if one_run else (("--units", units),):
         if value is not None:
@@ -120,7 +125,7 @@ def report(
         written = report_run(source, US if units is Units.us else SI, pdf=pdf, show=stages)
     else:
         job = romdam.load_config(config) if config else None
-        options = ReportOptions(response, intensity or "sa", tuple(threshold or ()))
+        options = ReportOptions(response, intensity or "sa", tuple(threshold or ()), hazard)
         written = report_runs(source, options, job, stages, pdf=pdf)
     say(*(f"written: {path}" for path in written))
 

@@ -9,6 +9,7 @@ from romdam.core.display_units import unit_text
 from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
+from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of, turned
 from romdam.results.suite.rows import AT_THE_END
@@ -133,10 +134,14 @@ def fragility_section(subject: Subject) -> Section | None:
             f"{none.attrs['records']} records, with 95 % confidence."
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
-    return Section("fragility", "Incremental curves and fragility", [*parts, _fragility_table(fits, values)])
+    return Section(
+        "fragility",
+        "Incremental curves and fragility",
+        [*parts, _fragility_table(fits, values, subject.topic.hazard)],
+    )
 
 
-def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
+def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray, hazard: HazardCurve | None) -> Table:
     if not fits:
         return Table([], [])
     factor, unit = plots.display_unit(
@@ -154,10 +159,16 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray) -> Table:
         seen = f"{about['exceeding']} of {about['observations']}"
         if about["exceeding"] == 0:
             seen += f", at most {number(100 * none_exceeds(about['records']))} %"
-        rows.append(
-            [factor * about["threshold"], theta, next(bounds), beta, next(bounds), seen, about["statement"]]
-        )
+        yearly: list[Value] = []
+        if hazard is not None:
+            yearly = ["", ""]
+            if fit.theta.notnull():
+                frequency, outside = hazard.annual_frequency(float(fit.theta), float(fit.beta))
+                yearly = [number(frequency), f"{number(100 * outside)} %"]
+        row = [factor * about["threshold"], theta, next(bounds), beta, next(bounds), *yearly, seen]
+        rows.append([*row, about["statement"]])
     head = [f"threshold [{unit}]", f"median [{measure}]" if measure else "median", "95 %", "beta", "95 %"]
+    head += ["per year", "of it outside the hazard's table"] if hazard is not None else []
     head = [*head, "exceeding", "note"]
     if not any(row[-1] for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]

@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.display_units import unit_text
+from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.responses import RUNS
 from romdam.results.suite.rows import RunIndex
 
@@ -40,12 +41,14 @@ class Topic:
     intensity : measure that curves and fragility are a function of
     thresholds : of the fragilities, in the response's SI unit; round numbers from the data if empty
     command : how the report was asked for
+    hazard : of the intensity, which makes annual frequencies of fragilities; None without
     """
 
     response: str | None = None
     intensity: str = "sa"
     thresholds: tuple[float, ...] = ()
     command: str = ""
+    hazard: HazardCurve | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""The table of a hazard curve."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+
+from romdam.config.quantities import to_si
+from romdam.core.errors import ConfigError, quote
+from romdam.core.files import check_file
+from romdam.postprocess.hazard import HazardCurve
+
+_MOST = 1e6  # bytes of a table
+_FEWEST = 2  # rows
+
+
+def read_hazard(path: Path, units: str) -> HazardCurve:
+    """Read a hazard curve from a CSV file with the columns `intensity [unit]` and `annual frequency`.
+
+    Parameters
+    ----------
+    units : SI unit of the intensity, such as m/s^2
+
+    Raises
+    ------
+    ConfigError
+        for a file that is no such table, a unit of another kind, and rows that are not monotonic.
+    """
+    check_file(path, _MOST, ConfigError)
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(file, skipinitialspace=True, strict=True)
+            lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path}: cannot be read as a hazard curve ({error})") from None
+    head = lines[0][1] if lines else []
+    named = len(head) == 2 and head[0].startswith("intensity [") and head[0].endswith("]")
+    if not named or head[1] != "annual frequency":
+        raise ConfigError(
+            f"{path}: line 1: columns must be `intensity [g]`, with its unit, and `annual frequency`, got "
+            f"{quote(', '.join(head))}"
+        )
+    unit = head[0].removeprefix("intensity [").removesuffix("]")
+    rows = list[tuple[float, float]]()
+    for number, cells in lines[1:]:
+        try:
+            x, frequency = to_si(f"{float(cells[0])!r} {unit}", units), float(cells[1])
+        except (ValueError, IndexError) as error:
+            raise ConfigError(
+                f"{path}: line {number}: must be an intensity in {unit} and a frequency ({error})"
+            ) from None
+        if len(cells) != 2 or not (0.0 < x < math.inf and 0.0 < frequency < math.inf):
+            raise ConfigError(
+                f"{path}: line {number}: must be two numbers above 0, got {quote(', '.join(cells))}"
+            )
+        if rows and not (x > rows[-1][0] and frequency < rows[-1][1]):
+            raise ConfigError(
+                f"{path}: line {number}: intensities must rise and frequencies fall, got {cells[0]} and "
+                f"{cells[1]} after {lines[len(rows)][1][0]} and {lines[len(rows)][1][1]}; sort the table, or "
+                "correct the row"
+            )
+        rows.append((x, frequency))
+    if len(rows) < _FEWEST:
+        raise ConfigError(f"{path}: a hazard curve has at least {_FEWEST} rows, got {len(rows)}")
+    intensity, frequency = np.array(rows).T
+    return HazardCurve(intensity, frequency)
