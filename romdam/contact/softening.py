@@ -329,13 +329,12 @@ def follow_step(
                     if math.isfinite(new) or math.isfinite(old):
                         worst = max(worst, abs(new - old))
         first, crack = count, step[OPENING] + problem.compliance[b] * force[b]
-        if pulled:
-            of[count], kind[count], X[count] = i, NORMAL, used.tension[i]
-            missing[count], heading[count, NORMAL] = tension - used.tension[i], -1.0
+        # it opens against its tension; or does not yet, with more tension than it can hold now
+        if pulled or force[b] < -tension:
+            of[count], kind[count], X[count] = i, NORMAL, used.tension[i] if pulled else -force[b]
+            missing[count], heading[count, NORMAL] = tension - X[count], -1.0
             corrected[i, NORMAL] = True
             count, tensions = count + 1, tensions + 1
-        elif force[b] < -tension:
-            worst = max(worst, abs(tension - used.tension[i]))
         if shears:
             of[count], kind[count], X[count], missing[count] = i, SHEAR_J, T, bound - T
             heading[count, SHEAR_J], heading[count, SHEAR_K] = force[b + SHEAR_J] / T, force[b + SHEAR_K] / T

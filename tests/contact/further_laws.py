@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from romdam.contact.laws import (
     BartonBandis,
     Bond,
+    Fracture,
     ShearKey,
     SlipWeakening,
     StaticFriction,
@@ -30,6 +31,7 @@ def with_laws(
     velocity: ArrayLike | None = None,
     weakening: ArrayLike | None = None,
     rough: ArrayLike | None = None,
+    fracture: ArrayLike | None = None,
 ) -> GapLaw:
     """The same gaps with further laws.
 
@@ -41,6 +43,8 @@ def with_laws(
     velocity : mu_s, mu_d, v_c [m/s] of one or each gap
     weakening : mu_s, mu_d, d_c [m] of one or each gap
     rough : JRC, JCS [N], mu_b of one or each gap
+    fracture : tensile strength [N], its energy [J], cohesion [N], its energy [J] of one or each gap, which
+        softens linearly
     """
     n, rows = len(law), list[tuple[type[Law], Floats, bool]]()
 
@@ -55,6 +59,11 @@ def with_laws(
             rows.append((one, np.broadcast_to(np.asarray(values, dtype=float), (n, 3)), True))
     if np.any(tensile_strength) or np.any(cohesion):
         rows.append((Bond, np.column_stack([full(tensile_strength), full(cohesion)]), bool(np.any(cohesion))))
+    if fracture is not None:
+        f, G, c, G_II = np.broadcast_to(np.asarray(fracture, dtype=float), (n, 4)).T
+        slips = np.divide(2.0 * G_II, c, out=np.zeros(n), where=c > 0.0)
+        columns = [1.0 / law.K_n, f, 2.0 * G / f, c, slips, np.zeros(n)]
+        rows.append((Fracture, np.column_stack(columns), bool(c.any())))
     if shear_key is not None:
         rows.append((ShearKey, np.asarray(shear_key, dtype=float), True))
     laws = tuple(

@@ -86,6 +86,8 @@ def fields(law: type[Law], optional: bool = True) -> dict[str, Any]:
         return keys
     options: dict[str, Any] = {"__base__": LawSection, "__doc__": law.__doc__, **keys}
     section: Any = create_model(f"{law.__name__}Config", **options)
+    if law in LAWS:  # workers of a suite look for the class by its name
+        globals()[section.__name__] = section
     return {law.section: (section | None, None)}
 
 
