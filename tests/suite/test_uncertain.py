@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import suite_jobs
 import yaml
 from gravity_dams import gravity_dam
 from suite_jobs import BASE, made, write_job
@@ -85,6 +86,7 @@ BOTH = {"E": ("materials.concrete.E", ["3e6 psi"]), "rho": ("materials.concrete.
         (BOTH, {"joints": {"gap": {**RUBS["joints"]["gap"], "normal_stiffness": "auto",
                                    "shear_stiffness": "auto"}}} | HEAVY),
         (E | RHO, HEAVY | TWO | water("incompressible")),
+        (BOTH, RUBS | HEAVY | water("compressible")),
         (BOTH, {"damping": {"modal": "5 %"}, "model": {"modes": "all"}} | RUBS),
         (BOTH, {"damping": {"rayleigh": {"alpha": 0.6, "beta": 4e-4}}} | RUBS | HEAVY),
         ({"E": ("materials.rock.E", ["10 GPa"]), "rho": ("materials.concrete.rho", [2000])}, TWO | RUBS),
@@ -104,6 +106,19 @@ def test_materials_give_the_numbers_of_a_job_in_which_they_stand(parameters, sec
     assert (np.abs(suite - jobs).max(axis=(1, 2, 3)) <= 1e-9 * size).all()
     if len(jobs) > 1:  # what is varied does something
         assert np.abs(jobs[0] - jobs[-1]).max() > 0.05 * size[0]
+
+
+def test_materials_vary_beside_supports_of_their_own_motion(tmp_path, monkeypatch):
+    """Its record ends at rest, so that nothing drifts."""
+    moved = np.gradient(np.gradient(np.sin(np.linspace(0.0, np.pi, 80)) ** 6))
+    monkeypatch.setattr(suite_jobs, "pulse", lambda number: 5.0 * moved / np.abs(moved).max())
+    supports = [
+        {"block": "left", "face": "zmin"},
+        {"block": "right", "face": "zmin", "motion": {"delay": "0.05 s"}},
+    ]
+    sections = {**RUBS, **HEAVY, **water("westergaard"), "supports": supports}
+    suite, jobs = openings(tmp_path, BOTH, **sections)
+    assert np.abs(suite - jobs).max() <= 1e-9 * np.abs(jobs).max()
 
 
 @pytest.mark.parametrize("model", ["westergaard", "incompressible"])
