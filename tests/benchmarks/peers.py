@@ -134,9 +134,8 @@ def deck(
     job = romdam.load_config(path)
     export_deck(job, folder, ExportOptions(code, dt=STEPS[code]))
     if searches:
-        search_for_contact(
-            folder, {joint.normal_stiffness for joint in job.config.every_joint.values()}.pop()
-        )
+        joints = (joint.model_dump() for joint in job.config.every_joint.values())
+        search_for_contact(folder, {float(joint["normal_stiffness"]) for joint in joints}.pop())
     if code == "opensees":
         cpu, said = peer([str(python), "deck.py"], folder)
     else:
