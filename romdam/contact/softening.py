@@ -53,6 +53,8 @@ from romdam.core.errors import ConvergenceError
 from romdam.core.jit import ARRAYS, copy, njit
 from romdam.core.system import OPEN, SLIP
 
+WITH_OPENING, WITH_SLIP = range(2)  # columns of the slopes of limits
+STORED_ENERGY, DISSIPATED_ENERGY = range(2)  # columns of `Laws.energy`
 _NEARBY = 1e-4  # of the expected slip: distance of the finite difference for the slope of a limit
 _CLOSE = 1e-6  # of the crack's opening, or of what it is expected to become: the same for an opening
 _REGULAR = 1e-12  # of the diagonal: gaps that determine each other share their force
@@ -358,8 +360,10 @@ def follow_step(
                 new, at = limits.tension[i], tension
                 if kind[c] == SHEAR_J:
                     new, at = min(_bounds(memory, i, p)), bound
-                slope[c, int(along_slip)] = (new - at) / move if move > 0.0 else 0.0
-            own = 0.0 if along_slip else max(slope[a, 0], 0.0)  # a steep secant makes much of round-off
+                slope[c, WITH_SLIP if along_slip else WITH_OPENING] = (new - at) / move if move > 0.0 else 0.0
+            own = (
+                0.0 if along_slip else max(slope[a, WITH_OPENING], 0.0)
+            )  # a steep secant makes much of round-off
             worst = max(worst, abs(missing[a]) / (1.0 + own * A))
         if first < count:
             _set_limits_of(laws, problem.whole, memory, i, step)
@@ -405,7 +409,7 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
     for a in range(count):
         for c in range(count):
             if of[c] == of[a]:
-                rows[a] += slope[a, int(kind[c] == SHEAR_J)] * A[c]
+                rows[a] += slope[a, WITH_SLIP if kind[c] == SHEAR_J else WITH_OPENING] * A[c]
     stable = True
     if pulled:
         left = rows + np.eye(count)
@@ -415,7 +419,7 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
                 left[c, a:] -= left[c, a] / left[a, a] * left[a, a:]
     system = np.eye(count)
     for a in range(count):
-        own = slope[a, int(kind[a] == SHEAR_J)]
+        own = slope[a, WITH_SLIP if kind[a] == SHEAR_J else WITH_OPENING]
         if own >= 0.0 or (stable if pulled else np.abs(rows[a]).sum() <= _STEEPEST):
             system[a] += rows[a]
     return np.asarray(np.linalg.solve(system, missing))
@@ -465,10 +469,10 @@ def law_energies(laws: Laws, memory: GapMemory, i: int) -> tuple[float, float]:
     """Energies of gap i that its laws keep in their memory: stored, and dissipated since the start [J]."""
     stored, dissipated = 0.0, 0.0
     for k in range(len(laws.on)):
-        if laws.on[k, i] and laws.energy[k, 0] >= 0:
-            stored += memory.history[k, i, laws.energy[k, 0]]
-        if laws.on[k, i] and laws.energy[k, 1] >= 0:
-            dissipated += memory.history[k, i, laws.energy[k, 1]]
+        if laws.on[k, i] and laws.energy[k, STORED_ENERGY] >= 0:
+            stored += memory.history[k, i, laws.energy[k, STORED_ENERGY]]
+        if laws.on[k, i] and laws.energy[k, DISSIPATED_ENERGY] >= 0:
+            dissipated += memory.history[k, i, laws.energy[k, DISSIPATED_ENERGY]]
     return stored, dissipated
 
 
