@@ -361,10 +361,9 @@ def follow_step(
                 if kind[c] == SHEAR_J:
                     new, at = min(_bounds(memory, i, p)), bound
                 slope[c, WITH_SLIP if along_slip else WITH_OPENING] = (new - at) / move if move > 0.0 else 0.0
-            own = (
-                0.0 if along_slip else max(slope[a, WITH_OPENING], 0.0)
-            )  # a steep secant makes much of round-off
-            worst = max(worst, abs(missing[a]) / (1.0 + own * A))
+            # a steep secant makes much of round-off
+            rise = 0.0 if along_slip else max(slope[a, WITH_OPENING], 0.0)
+            worst = max(worst, abs(missing[a]) / (1.0 + rise * A))
         if first < count:
             _set_limits_of(laws, problem.whole, memory, i, step)
     if worst <= tolerance * largest:
@@ -419,8 +418,8 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
                 left[c, a:] -= left[c, a] / left[a, a] * left[a, a:]
     system = np.eye(count)
     for a in range(count):
-        own = slope[a, WITH_SLIP if kind[a] == SHEAR_J else WITH_OPENING]
-        if own >= 0.0 or (stable if pulled else np.abs(rows[a]).sum() <= _STEEPEST):
+        rise = slope[a, WITH_SLIP if kind[a] == SHEAR_J else WITH_OPENING]
+        if rise >= 0.0 or (stable if pulled else np.abs(rows[a]).sum() <= _STEEPEST):
             system[a] += rows[a]
     return np.asarray(np.linalg.solve(system, missing))
 

@@ -70,7 +70,7 @@ def joint_stability(
     dataset : a result
     joints : names; None for all that carry shear
     """
-    first, found = dataset.isel(time=0), []
+    first, judged = dataset.isel(time=0), list[JointStability]()
     for name in map(str, dataset.joint.values):
         if (joints is not None and name not in joints) or "sliding_safety_factor" not in dataset:
             continue
@@ -91,7 +91,7 @@ def joint_stability(
         slip = gaps.slip.values
         mean_slip = np.einsum("g,gj,gjx->x", area, slip, gaps.gap_tangent.values) / area.sum()
         factor = float(of_joint.sliding_safety_factor)
-        found.append(
+        judged.append(
             JointStability(
                 record=record,
                 joint=name,
@@ -106,7 +106,7 @@ def joint_stability(
                 slip=float(np.linalg.norm(mean_slip)),
             )
         )
-    return found
+    return judged
 
 
 def stability_row(joint: JointStability) -> Row:

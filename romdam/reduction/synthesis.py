@@ -255,9 +255,9 @@ def _reduced_scene(
             initial=scene.initial,
         )
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
-        made = DryModel(system, basis, report, choice).with_effects(effects)
-        made.report["cpu_seconds"] = time.process_time() - start
-        models.append(replace(made, dry=None) if also is None else made)
+        model = DryModel(system, basis, report, choice).with_effects(effects)
+        model.report["cpu_seconds"] = time.process_time() - start
+        models.append(replace(model, dry=None) if also is None else model)
     return models
 
 
