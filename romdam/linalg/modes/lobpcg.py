@@ -6,7 +6,7 @@ compares the bare residual with one number for all modes, has to be told how man
 the memory, which is what multigrid is taken to save. Given the same guards (vectors beside those wanted,
 without which the last modes creep), preconditioner, check of residuals and probe, and started again every 10
 iterations, it takes 0.8 to 1.2 times our CPU time; started again every 20, four times as much on one mesh of
-two (docs/extending/decisions.md, `tests/benchmarks/bench_lobpcg.py`).
+two (`tests/benchmarks/bench_lobpcg.py`).
 
 References
 ----------

@@ -13,7 +13,7 @@ and are then treated like modes (modal truncation augmentation); their omega^2 a
 
 Residual vectors: the static responses of the interior, K_ii^-1 (K phi - omega^2 M phi)_i, to the unbalanced
 forces of the lowest open-joint modes phi of this basis. Each costs one solution, and reduces the error more
-than further fixed-interface modes do (docs/extending/decisions.md, "Size of the basis").
+than further fixed-interface modes do (docs/errors.md, "Choosing modes, steps and mesh").
 
 References
 ----------
