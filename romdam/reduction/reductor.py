@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import ClassVar, Protocol
 
-from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.fingerprint import code_digest, fingerprint
+from romdam.core.scene import Block
 from romdam.geometry.meshes.quality import refuse_loose_nodes
 from romdam.reduction.basis import Augmented
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.storage.keys import ROOMS, key_content
-from romdam.reduction.storage.model_file import LAYOUT, BlockStore, Contained
+from romdam.reduction.storage.model_file import LAYOUT, BlockStore, StreamedBasis
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
 
@@ -53,30 +53,16 @@ class BasisFiles:
         key = next(iter(self.keys[-1].values()))
         return OutOfCoreMatrix(self.store.scratch(key), key, (rows, columns))
 
-    def write(
-        self,
-        substructure: Substructure,
-        name: str,
-        omega2: Floats,
-        rows: Iterator[Floats],
-        inertia: Floats,
-        report: dict[str, object],
-        level: int = 0,
-        contained: Contained | None = None,
-        massless: int = 0,
-    ) -> BlockBasis:
+    def write(self, block: Block, streamed: StreamedBasis, level: int = 0) -> BlockBasis:
         """Write the basis of a block as its rows come, see `BlockStore.write_streamed`.
 
         Parameters
         ----------
         level : 0 for the basis, 1 for the finer one
-        contained : the basis that the finer one contains, if only what it has besides is written
-        massless : how many of the last vectors have no mass
         """
         assert self.store is not None
-        key, report = self.keys[level][name], report | {"method": self.method}
-        block = substructure.scene.blocks[name]
-        return self.store.write_streamed(key, block, omega2, rows, inertia, report, contained, massless)
+        streamed = replace(streamed, report=streamed.report | {"method": self.method})
+        return self.store.write_streamed(self.keys[level][block.name], block, streamed)
 
 
 class Reductor(Protocol):

@@ -62,7 +62,7 @@ from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
 from romdam.reduction.storage.keys import key_content
-from romdam.reduction.storage.model_file import Contained
+from romdam.reduction.storage.model_file import Contained, StreamedBasis
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
 
@@ -157,8 +157,8 @@ class FreeInterface(Reductor):
                     rows = level.T.pieces(ends, level.T.shape[1] - further)
                 else:
                     contained, rows = None, level.T.times(level.V, ends)
-                arguments = level.omega2, rows, inertia[name], report, number, contained, level.massless
-                tasks.append(partial(files.write, substructure, name, *arguments))
+                basis = StreamedBasis(level.omega2, rows, inertia[name], report, contained, level.massless)
+                tasks.append(partial(files.write, substructure.scene.blocks[name], basis, number))
             bases: Bases = dict(zip(mesh_part.blocks, level.T.each(tasks), strict=True))
             coarse = coarse or bases
             yield bases

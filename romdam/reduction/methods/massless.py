@@ -30,6 +30,7 @@ from romdam.reduction.methods.merged_part import merge_blocks
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
 from romdam.reduction.storage.keys import key_content
+from romdam.reduction.storage.model_file import StreamedBasis
 from romdam.reduction.substructure import Substructure
 
 log = logging.getLogger(__name__)
@@ -88,8 +89,7 @@ class Massless(Reductor):
             first, last = last, last + 3 * len(scene.blocks[name].points)
             rows, none = T.times(mix, [*range(first, last, 3 * _NODES), last]), np.zeros((last - first, 3))
             report = {"retained_dofs": T.shape[1], "fixed_interface_modes": 0, "part": mesh_part.name}
-            bases[name] = files.write(
-                substructure, name, omega2, rows, none, dict(report), massless=len(omega2)
-            )
+            basis = StreamedBasis(omega2, rows, none, dict(report), massless=len(omega2))
+            bases[name] = files.write(scene.blocks[name], basis)
         T.remove()
         yield bases

@@ -42,6 +42,7 @@ from romdam.reduction.methods.residual_vectors import (
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
 from romdam.reduction.storage.keys import block_content
+from romdam.reduction.storage.model_file import StreamedBasis
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
 
@@ -92,7 +93,8 @@ class CraigBamptonOutOfCore(Reductor):
             )
             rows = _rows_over_nodes(block, T.narrowed(len(V)), V, free)
             report = numbers.report() | choice.report()
-            yield {name: files.write(substructure, name, numbers.omega2, rows, block.inertia, report, level)}
+            basis = StreamedBasis(numbers.omega2, rows, block.inertia, report)
+            yield {name: files.write(substructure.scene.blocks[name], basis, level)}
         T.remove()
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -183,6 +183,29 @@ class Contained(NamedTuple):
     mix: Floats
 
 
+@dataclass(frozen=True)
+class StreamedBasis:
+    """The basis of a block of n nodes that is written as its rows come.
+
+    Attributes
+    ----------
+    omega2 : (m,) [1/s2]
+    rows : the basis (3 n, m), some rows of whole nodes at a time, from the first node to the last; of a basis
+        that contains another only the r vectors beside it, (3 n, r)
+    inertia : (3 n, 3) M r for unit translations r [kg]
+    report : numbers of the reduction, plain values
+    contained : the basis that it contains; None where it contains none
+    massless : how many of the last vectors have no mass
+    """
+
+    omega2: Floats
+    rows: Iterator[Floats]
+    inertia: Floats
+    report: dict[str, object]
+    contained: Contained | None = None
+    massless: int = 0
+
+
 class BlockStore:
     """A folder of reduced blocks.
 
@@ -273,48 +296,37 @@ class BlockStore:
             return replace(basis, vectors=self._written(key))
         return basis
 
-    def write_streamed(
-        self,
-        key: str,
-        block: Block,
-        omega2: Floats,
-        rows: Iterator[Floats],
-        inertia: Floats,
-        report: dict[str, object],
-        contained: Contained | None = None,
-        massless: int = 0,
-    ) -> BlockBasis:
+    def write_streamed(self, key: str, block: Block, streamed: StreamedBasis) -> BlockBasis:
         """Keep a block whose basis comes some rows at a time, and map it.
-
-        Parameters
-        ----------
-        rows : the basis (3 nodes, m) from the first node to the last; of one that contains another what it
-            has besides
-        inertia : M r (3 n, 3) for unit translations r
-        contained : the basis that it contains; None where it contains none
-        massless : how many of the last vectors have no mass
 
         Raises
         ------
         ResultError
             where the folder or the disk refuses it.
         """
+        omega2, contained = streamed.omega2, streamed.contained
         columns = len(omega2) if contained is None else len(contained.mix) - len(contained.basis.omega2)
         size = (len(block.points), 3, columns)
         participation, first = np.zeros((size[2], 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
-            for piece in rows:
+            for piece in streamed.rows:
                 last = first + len(piece) // 3
                 data[first:last] = piece.reshape(last - first, 3, size[2])
-                participation += piece.T @ inertia[3 * first : 3 * last]
+                participation += piece.T @ streamed.inertia[3 * first : 3 * last]
                 first = last
             if contained is not None:
                 _write_mix(file, contained.basis, contained.mix)
                 inner = contained.basis.participation
                 participation = contained.mix.T @ np.vstack([inner, participation])
-            none = Dense(np.zeros((0, 0)))
-            basis = BlockBasis(none, slice(0, len(omega2)), omega2, participation, report, massless)
+            basis = BlockBasis(
+                vectors=Dense(np.zeros((0, 0))),
+                columns=slice(0, len(omega2)),
+                omega2=omega2,
+                participation=participation,
+                report=streamed.report,
+                massless=streamed.massless,
+            )
             file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
             _write_mesh_and_frequencies(file, block, basis)
         written = self._written(key)

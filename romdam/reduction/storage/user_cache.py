@@ -11,17 +11,15 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ResultError
 from romdam.core.files import hold
 from romdam.core.scene import Block
-from romdam.reduction.storage.model_file import BlockStore, Contained
+from romdam.reduction.storage.model_file import BlockStore, StreamedBasis
 
 log = logging.getLogger(__name__)
 
@@ -93,19 +91,9 @@ class UserCache(BlockStore):
         self._use(key)
         return basis
 
-    def write_streamed(
-        self,
-        key: str,
-        block: Block,
-        omega2: Floats,
-        rows: Iterator[Floats],
-        inertia: Floats,
-        report: dict[str, object],
-        contained: Contained | None = None,
-        massless: int = 0,
-    ) -> BlockBasis:
+    def write_streamed(self, key: str, block: Block, streamed: StreamedBasis) -> BlockBasis:
         """As `BlockStore`."""
-        basis = super().write_streamed(key, block, omega2, rows, inertia, report, contained, massless)
+        basis = super().write_streamed(key, block, streamed)
         self._use(key)
         return basis
 
