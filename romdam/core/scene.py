@@ -289,8 +289,10 @@ class Reservoir:
     solved : for in a reservoir, which is prismatic but for its own `mesh`; else Westergaard's pressure
     upstream : (3,) horizontal unit vector away from the dam
     length : of the prismatic reservoir, from its farthest wet point [m]
-    mesh : its own, with faces dam, surface, bottom and end (`romdam.scene.reservoir.reservoir_mesh`), or None
+    mesh : its own (`romdam.scene.reservoir.reservoir_mesh`), with faces dam, surface, bottom, end, rock, or
+        None
     sound : of compressible water; None where it is incompressible
+    rock : faces of the ground that walls of a reservoir may lie on, and then move with
     """
 
     faces: tuple[WetFace, ...]
@@ -302,6 +304,7 @@ class Reservoir:
     length: float
     sound: Sound | None = None
     mesh: Block | None = None
+    rock: tuple[WetFace, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -121,14 +121,15 @@ def radiating_end(section: Section, sound: Sound, admittance: float, density: fl
     Parameters
     ----------
     section : of its k nodes below the surface
-    admittance : q of the floor [s/m]
+    admittance : q of the floor [s/m], to which that of rock is added
     density : of the water [kg/m3]
     """
     c = sound.speed
     H, G, B = section.H, section.G, section.floor
     highest = (_RADIATING * 2.0 * np.pi * sound.cutoff / c) ** 2
     square, phi = eigh(H.toarray(), G.toarray(), subset_by_value=(0.0, highest))
-    damped, flux, wave = admittance * (phi.T @ (B @ phi)), phi.T @ section.rigid, np.sqrt(square)
+    flux, wave = phi.T @ section.rigid, np.sqrt(square)
+    damped = phi.T @ (admittance * B + density * section.rock) @ phi
     M, C, K = impedance_network()
     spread = identity(len(wave) * (len(M) - 1))
     onto = csr_matrix(block_diag([csr_matrix(G @ phi).T, spread]))  # amplitudes of section modes, oscillators

@@ -196,6 +196,7 @@ def _arch() -> dict[str, Any]:
         "water": {
             "level": 90.0,
             "faces": _WET,
+            "rock": [],
             "model": "westergaard",
             "density": 1000.0,
             "bottom": 0.0,

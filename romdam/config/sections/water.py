@@ -48,6 +48,8 @@ class WaterConfig(Model):
     level: Length
     """Elevation of the surface, along z."""
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+    rock: tuple[BlockFace, ...] = ()
+    """Faces of the ground under the reservoir: its floor and banks move with the rock and press on it."""
     model: Literal["westergaard", "incompressible", "compressible"]
     """Model of the water."""
     density: Annotated[Density, Positive] = 1000.0
@@ -78,6 +80,11 @@ class WaterConfig(Model):
 
     @model_validator(mode="after")
     def _mesh_of_its_own(self) -> Self:
+        if self.rock and self.model == "westergaard":
+            raise ValueError(
+                "rock: Westergaard's pressure knows no floor that moves; leave it out, or set "
+                "model: compressible"
+            )
         if self.mesh is None:
             return self
         if self.model == "westergaard":

@@ -26,22 +26,25 @@ class Section:
     H, G : (k, k) Laplacian [1] and int N N dA [m2]
     floor : (k, k) int N N dl over the walls that take waves up [m]
     rigid : (k, 3) flux of the walls' unit rigid motions [m]
+    rock : (k, k) int N N / (rho c_p) dl over the walls that lie on rock, which a pressure pushes in at that
+        velocity where the rock is a half-space [m3 s/kg]
     """
 
     H: csr_matrix
     G: csr_matrix
     floor: csr_matrix
     rigid: Floats
+    rock: csr_matrix
 
     def of(self, nodes: Ints) -> Section:
         """Of some nodes alone: the pressure of others is zero."""
-        H, G, floor = (csr_matrix(m[nodes][:, nodes]) for m in (self.H, self.G, self.floor))
-        return Section(H, G, floor, self.rigid[nodes])
+        H, G, floor, rock = (csr_matrix(m[nodes][:, nodes]) for m in (self.H, self.G, self.floor, self.rock))
+        return Section(H, G, floor, self.rigid[nodes], rock)
 
     def following(self, T: csr_matrix) -> Section:
         """Over other unknowns, which give the pressure at the nodes by a (k, m) matrix."""
-        H, G, floor = (csr_matrix(T.T @ m @ T) for m in (self.H, self.G, self.floor))
-        return Section(H, G, floor, T.T @ self.rigid)
+        H, G, floor, rock = (csr_matrix(T.T @ m @ T) for m in (self.H, self.G, self.floor, self.rock))
+        return Section(H, G, floor, T.T @ self.rigid, rock)
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,8 @@ class WaterBody:
     H, G : (n, n) Laplacian [m] and int N N dV [m3]
     floor : (n, n) int N N dA over the walls that take waves up [m2]
     rigid : (n, 3) flux of the walls' unit rigid motions [m2]
-    wet : (w,) nodes on the dam
-    coupling : block -> (w, 3 * nodes) int N n . N_u dA, with n outward from the dam [m2]
+    wet : (w,) nodes on the dam, and on rock that the walls move with
+    coupling : block -> (w, 3 * nodes) int N n . N_u dA, with n into the water [m2]
     end : (k,) nodes beyond which a channel goes on
     section : of that channel, over these
     """
@@ -69,7 +72,14 @@ class WaterBody:
     section: Section
 
 
-def section_of(flat: Floats, axes: Floats, faces: Iterable[tuple[Element, Ints]], edges: Ints) -> Section:
+def section_of(
+    flat: Floats,
+    axes: Floats,
+    faces: Iterable[tuple[Element, Ints]],
+    edges: Ints,
+    absorbs: Floats,
+    yields: Floats,
+) -> Section:
     """Integrate over a plane.
 
     Parameters
@@ -77,7 +87,9 @@ def section_of(flat: Floats, axes: Floats, faces: Iterable[tuple[Element, Ints]]
     flat : (k, 2) positions of its nodes [m]
     axes : (2, 3) unit vectors of the plane
     faces : elements and nodes of the plane's facets
-    edges : (n, nodes per edge) on the walls that take waves up, taken for straight
+    edges : (n, nodes per edge) on the walls, taken for straight
+    absorbs : (n,) 1 where a wall takes waves up, else 0
+    yields : (n,) 1 / (rho c_p) of the rock that it lies on, 0 where on none [m2 s/kg]
     """
     k = len(flat)
     H, G, rigid = csr_matrix((k, k)), csr_matrix((k, k)), np.zeros((k, 3))
@@ -92,9 +104,10 @@ def section_of(flat: Floats, axes: Floats, faces: Iterable[tuple[Element, Ints]]
         np.add.at(rigid, nodes, -np.einsum("nqda,nq,dk->nak", gradient, area, axes))
     length = np.linalg.norm(flat[edges[:, 1]] - flat[edges[:, 0]], axis=1)
     along, whole = _ALONG[edges.shape[1]]
-    return Section(
-        csr_matrix(H), csr_matrix(G), scattered(length[:, None, None] * along / whole, edges, k), rigid
+    floor, rock = (
+        scattered((share * length)[:, None, None] * along / whole, edges, k) for share in (absorbs, yields)
     )
+    return Section(csr_matrix(H), csr_matrix(G), floor, rigid, rock)
 
 
 def scattered(local: Floats, nodes: Ints, size: int) -> csr_matrix:

@@ -1,4 +1,4 @@
-"""Water of a separate mesh, whose facets on the dam need not match the dam's: segments couple them."""
+"""Water of a separate mesh, whose facets on dam and rock need not match theirs: segments couple them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.assembly import cell_geometry
-from romdam.fem.water.body import Section, WaterBody, scattered, section_of, vector_operator
+from romdam.fem.water.body import Section, WaterBody, scattered, section_of
+from romdam.fem.water.coupling import wall_couplings, yielding_of_rock
 from romdam.fem.water.prism import prism_body
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements, area_vectors, row_numbers
 from romdam.geometry.meshes.kinds import chunks_of
-from romdam.scene.mortar.segments import integrand_degree, samples
 from romdam.scene.mortar.surface import Surface
-from romdam.scene.reservoir.reservoir_mesh import lying_on
 
-_CHUNK = 4096  # cells, or triangles, at a time
+_CHUNK = 4096  # cells at a time
 
 
 def water_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.inf) -> WaterBody:
@@ -44,7 +43,11 @@ def meshed_body(water: Reservoir, mesh: Block, blocks: dict[str, Block]) -> Wate
     shape = element.shape(xi)
     floor = scattered(np.einsum("qa,qb,nq->nab", shape, shape, area, optimize=True), bottom, size)
     under = np.setdiff1d(np.arange(size), mesh.faces["surface"])
-    couplings = _couplings(water, mesh, blocks)
+    couplings: dict[str, csr_matrix] = {}
+    for role, faces in (("dam", water.faces), ("rock", water.rock)):
+        walls = Surface(mesh.name, mesh.points, mesh.faces[role])
+        for name, Q in wall_couplings(walls, faces, blocks).items():
+            couplings[name] = csr_matrix(couplings[name] + Q) if name in couplings else Q
     touched = [np.flatnonzero(np.diff(Q.indptr)) for Q in couplings.values()]
     wet = np.intersect1d(under, np.concatenate(touched))
     end = np.intersect1d(under, mesh.faces["end"])
@@ -56,50 +59,39 @@ def meshed_body(water: Reservoir, mesh: Block, blocks: dict[str, Block]) -> Wate
         wet=np.searchsorted(under, wet),
         coupling={name: Q[wet] for name, Q in couplings.items()},
         end=np.searchsorted(under, end),
-        section=_section(mesh, end),
+        section=_section(mesh, end, water, blocks),
     )
 
 
-def _section(mesh: Block, nodes: Ints) -> Section:
+def _section(mesh: Block, nodes: Ints, water: Reservoir, blocks: dict[str, Block]) -> Section:
     """The end's plane, over `nodes` of it."""
     facets = mesh.faces["end"]
     outward = area_vectors(mesh.points, facets).sum(axis=(0, 1)) * [1.0, 1.0, 0.0]
     outward /= max(float(np.linalg.norm(outward)), np.finfo(float).tiny)
     axes = np.stack([np.cross([0.0, 0.0, 1.0], outward), [0.0, 0.0, 1.0]])
     every, local = np.unique(facets, return_inverse=True)
-    # edges that the bottom has too, (n, 2), or (n, 3) with the node in their middle
+    # edges that bottom and rock have too, (n, 2), or (n, 3) with the node in their middle
     element = facet_element(facets)
     table = np.array([(*e, element.corners + k) for k, e in enumerate(element.edges)])
     table = table[:, : 3 if element.quadratic else 2]
-    edges, others = (rows[:, table].reshape(-1, table.shape[1]) for rows in (facets, mesh.faces["bottom"]))
+    walls = Surface(mesh.name, mesh.points, np.concatenate([mesh.faces["bottom"], mesh.faces["rock"]]))
+    absorbs = np.repeat([1.0, 0.0], [len(mesh.faces["bottom"]), len(mesh.faces["rock"])])
+    yields = (1.0 - absorbs) * yielding_of_rock(walls, water.rock, blocks)
+    edges, others = (rows[:, table].reshape(-1, table.shape[1]) for rows in (facets, walls.facets))
     number = row_numbers(np.sort(np.concatenate([edges, others])[:, :2], axis=1))
-    common = np.asarray(edges[np.isin(number[: len(edges)], number[len(edges) :])])
-    flat = mesh.points[every] @ axes.T
-    whole = section_of(flat, axes, [(element, local.reshape(facets.shape))], np.searchsorted(every, common))
+    known, place = np.unique(number, return_inverse=True)
+    shares = []  # of each edge of the end, of which a wall of either kind has one at most
+    for of_wall in (absorbs, yields):
+        most = np.zeros(len(known))
+        np.maximum.at(most, place[len(edges) :], np.repeat(of_wall, len(table)))
+        shares.append(most[place[: len(edges)]])
+    common = (shares[0] > 0.0) | (shares[1] > 0.0)
+    whole = section_of(
+        flat=mesh.points[every] @ axes.T,
+        axes=axes,
+        faces=[(element, local.reshape(facets.shape))],
+        edges=np.searchsorted(every, edges[common]),
+        absorbs=shares[0][common],
+        yields=shares[1][common],
+    )
     return whole.of(np.searchsorted(every, nodes))
-
-
-def _couplings(water: Reservoir, mesh: Block, blocks: dict[str, Block]) -> dict[str, csr_matrix]:
-    """(nodes, 3 * nodes of the block) of every block: int N n . N_u dA, with n into the water [m2]."""
-    face = Surface(mesh.name, mesh.points, mesh.faces["dam"])
-    couplings: dict[str, csr_matrix] = {}
-    for wet in water.faces:
-        dam = Surface(wet.block, blocks[wet.block].points, wet.facets)
-        degree = integrand_degree(face, dam, face.element.name)
-        at, shape = samples(face, dam, lying_on(face, dam), degree), (len(face.points), len(dam.points))
-        total = csr_matrix((shape[0], 3 * shape[1]))
-        for first in range(0, len(at.slave), _CHUNK):
-            some = slice(first, first + _CHUNK)
-            rows, nodes = face.facets[at.slave[some]], dam.facets[at.master[some]]
-            xi, xi_dam = at.xi_slave[some], at.xi_master[some]
-            pressure = face.element.shape(xi.reshape(-1, 2)).reshape(*xi.shape[:2], -1)
-            motion = dam.element.shape(xi_dam.reshape(-1, 2)).reshape(*xi_dam.shape[:2], -1)
-            slope = face.element.gradient(xi.reshape(-1, 2)).reshape(*xi.shape[:2], 2, -1)
-            tangents = np.einsum("nqda,nak->nqdk", slope, face.points[rows], optimize=True)
-            normal = np.cross(tangents[:, :, 0], tangents[:, :, 1])
-            into = -np.asarray(normal / np.linalg.norm(normal, axis=2, keepdims=True))
-            values = np.einsum("nq,nqa,nqb,nqk->nabk", at.weight[some], pressure, motion, into, optimize=True)
-            total = total + vector_operator(rows[:, :, None], nodes[:, None, :], values, shape)
-        Q = csr_matrix(total)
-        couplings[wet.block] = couplings[wet.block] + Q if wet.block in couplings else Q
-    return couplings

@@ -10,13 +10,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse import block_diag, csr_matrix, vstack
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.water.body import WaterBody, scattered, section_of, vector_operator
+from romdam.fem.water.coupling import wall_couplings, yielding_of_rock
 from romdam.geometry.elements import ELEMENTS, Floats
-from romdam.geometry.facets import row_numbers
-from romdam.scene.reservoir.reservoir_mesh import UPRIGHT
+from romdam.scene.mortar.surface import Surface
+from romdam.scene.reservoir.walls import wall_edges
 from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 
 _GROWTH = 1.2  # of a layer's thickness over the one before it, away from the dam
@@ -109,10 +110,15 @@ def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.i
         area = np.abs(np.cross(tangents[:, :, 0], tangents[:, :, 1]) @ upstream) * weight
         flux = np.einsum("qa,nq->na", piece.element.shape(eta), area)[..., None] * upstream
         np.add.at(rigid, end, flux)
-    # floor and banks that lean, which are the walls that take waves up
-    k, edges, quad = len(mesh.points), _floor_edges(channel), ELEMENTS["quad4"]
+    # walls, outward; floor and banks that lean take waves up
+    k, quad = len(mesh.points), ELEMENTS["quad4"]
+    edges, leans = wall_edges(mesh, upstream)
     lower = np.arange(channel.layers - 1)[:, None, None] * k + edges
-    walls = np.concatenate([lower, lower[..., ::-1] + k], axis=2).reshape(-1, 4)
+    every_wall = np.concatenate([lower, lower[..., ::-1] + k], axis=2)
+    walls, all_walls = (
+        every_wall[:, leans].reshape(-1, 4),
+        Surface("reservoir", points, every_wall.reshape(-1, 4)),
+    )
     xi, weight = quad.rule_of(2)
     shape = quad.shape(xi)
     tangents = np.einsum("qda,nak->nqdk", quad.gradient(xi), points[walls])
@@ -121,7 +127,9 @@ def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.i
     # the far end's plane, whose nodes are numbered as the wet mesh
     axes = np.stack([np.cross([0.0, 0.0, 1.0], upstream), [0.0, 0.0, 1.0]])
     flat = points[channel.far(np.arange(k))] @ axes.T
-    section = section_of(flat, axes, [(p.element, p.nodes) for p in mesh.pieces], edges)
+    yields = yielding_of_rock(all_walls, water.rock, blocks)[len(all_walls.facets) - len(edges) :]
+    faces = [(p.element, p.nodes) for p in mesh.pieces]
+    section = section_of(flat, axes, faces, edges, absorbs=leans.astype(float), yields=yields)
     coupling: dict[str, csr_matrix] = {}  # int N_p n . N_u dA, outward from the dam
     for piece in mesh.pieces:
         of_block = blocks[piece.block].points
@@ -130,23 +138,23 @@ def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.i
         rows, columns = piece.nodes[:, :, None], piece.facets[:, None, :]
         Q = vector_operator(rows, columns, values, (k, len(of_block)))
         coupling[piece.block] = csr_matrix(coupling[piece.block] + Q) if piece.block in coupling else Q
+    unknowns = over.shape[1]
+    couplings = {  # of all unknowns, the first layer's first
+        name: csr_matrix(vstack([T.T @ Q, csr_matrix((unknowns - count, Q.shape[1]))]))
+        for name, Q in coupling.items()
+    }
+    wet = np.arange(count)
+    for name, Q in wall_couplings(all_walls, water.rock, blocks).items():
+        of_rock = csr_matrix(over.T @ Q)
+        wet = np.union1d(wet, np.flatnonzero(np.diff(of_rock.indptr)))
+        couplings[name] = csr_matrix(couplings[name] + of_rock) if name in couplings else of_rock
     return WaterBody(
         H=csr_matrix(over.T @ csr_matrix(H) @ over),
         G=csr_matrix(over.T @ csr_matrix(G) @ over),
         floor=csr_matrix(over.T @ floor @ over),
         rigid=over.T @ rigid,
-        wet=np.arange(count),  # the first layer
-        coupling={name: csr_matrix(T.T @ Q) for name, Q in coupling.items()},
+        wet=wet,
+        coupling={name: Q[wet] for name, Q in couplings.items()},
         end=np.arange(over.shape[1] - count, over.shape[1]),
         section=section.following(T),
     )
-
-
-def _floor_edges(reservoir: Prism) -> Ints:
-    """Edges (n, 2) of the wet mesh's rim, without seams, that sweep a wall which is not upright."""
-    mesh = reservoir.mesh
-    edges = mesh.rim
-    seams = row_numbers(np.concatenate([edges, mesh.seams]))
-    edges = edges[~np.isin(seams[: len(edges)], seams[len(edges) :])]
-    normal = np.cross(mesh.points[edges[:, 1]] - mesh.points[edges[:, 0]], reservoir.upstream)
-    return np.asarray(edges[np.abs(normal[:, 2]) > UPRIGHT * np.linalg.norm(normal, axis=1)])

@@ -181,7 +181,8 @@ def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
         if one.block == name
     ]
     if scene.reservoir is not None:
-        pairs += [("water", face.facets.ravel()) for face in scene.reservoir.faces if face.block == name]
+        wet = (*scene.reservoir.faces, *scene.reservoir.rock)
+        pairs += [("water", face.facets.ravel()) for face in wet if face.block == name]
     actions = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
     shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())
     for joint in scene.joints.values():

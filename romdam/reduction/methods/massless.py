@@ -53,13 +53,16 @@ class Massless(Reductor):
     def refuse(self, substructure: Substructure) -> None:
         """Refuse water whose mass is on the part."""
         reservoir = substructure.scene.reservoir
-        wet = set() if reservoir is None else {face.block for face in reservoir.faces}
-        if wet & set(substructure.blocks):
-            raise ConfigError(
-                f"water.faces: block {min(wet & set(substructure.blocks))!r} has no mass, and its reduced "
-                "model no inertia that the water's could be added to; leave its faces out, leave out "
-                "`mass: false`, or set model.order: full"
-            )
+        if reservoir is None:
+            return
+        for key, faces in (("faces", reservoir.faces), ("rock", reservoir.rock)):
+            wet = {face.block for face in faces} & set(substructure.blocks)
+            if wet:
+                raise ConfigError(
+                    f"water.{key}: block {min(wet)!r} has no mass, and its reduced model no inertia that the "
+                    "water's could be added to; leave its faces out, leave out `mass: false`, or set "
+                    "model.order: full"
+                )
 
     def key(self, substructure: Substructure, choice: ModeChoice) -> object:
         """Everything in the part; modes do not count."""

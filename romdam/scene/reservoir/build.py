@@ -15,12 +15,12 @@ from romdam.geometry.meshes.files import MeshFiles
 from romdam.scene.mortar.segments import segments
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.reservoir.reservoir_mesh import reservoir_mesh
+from romdam.scene.reservoir.walls import TOUCH, refuse_prism_beside_rock
 from romdam.scene.select import refuse_selected_twice, select_facets
 
 _LEAST_DEPTHS = 0.05  # of the depth, below which water upstream is a slit
 _MOST_WAVES = 2e4  # modes of the water below the cutoff
 _DEPTHS = 3.0  # length of the reservoir; the pressure decays as exp(-pi/2 length/depth): to 1 %
-_TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _LEVEL = 1e-6  # horizontal part of the mean normal below which it gives no direction
 
 
@@ -44,8 +44,8 @@ def build_reservoir(
     Raises
     ------
     ConfigError
-        for a level above the faces, faces that are not wet, and a direction that leads into the dam; for what
-        `reservoir_mesh` refuses.
+        for a level above the faces, faces that are not wet, and a direction that leads into the dam; for rock
+        that does not cover floor and banks, and what `reservoir_mesh` refuses.
     """
     if config is None:
         return None
@@ -54,9 +54,15 @@ def build_reservoir(
         WetFace(face.block, select_facets(blocks[face.block], face.face, f"{location}.faces[{k}].face"))
         for k, face in enumerate(config.faces)
     ]
+    rock = [
+        WetFace(face.block, select_facets(blocks[face.block], face.face, f"{location}.rock[{k}].face"))
+        for k, face in enumerate(config.rock)
+    ]
     seen = dict[tuple[str, tuple[int, ...]], str]()
     for k, face in enumerate(faces):
         refuse_selected_twice(seen, face.block, face.facets, f"{location}.faces[{k}]")
+    for k, face in enumerate(rock):
+        refuse_selected_twice(seen, face.block, face.facets, f"{location}.rock[{k}]")
     heights = [blocks[face.block].points[face.facets, 2] for face in faces]
     refuse_level(config.level, heights, location)
     for k, (face, height) in enumerate(zip(faces, heights, strict=True)):
@@ -103,6 +109,7 @@ def build_reservoir(
         upstream=upstream,
         length=0.0,
         sound=sound,
+        rock=tuple(rock),
     )
     water = at_level(water, config, bottom)
     if config.mesh is not None:
@@ -114,6 +121,7 @@ def build_reservoir(
             f"for {_DEPTHS:g} depths, or is the unit right?"
         )
     _refuse_many_waves(water, blocks, location)
+    refuse_prism_beside_rock(water, blocks, location)
     return water
 
 
@@ -177,8 +185,8 @@ def _refuse_contact(
         for block, neighbour in zip(contact.blocks, reversed(contact.blocks), strict=True):
             if block != face.block:
                 continue
-            between = segments(wet_face, Surface.boundary(blocks[neighbour]), _TOUCH)
-            area = np.where(np.abs(between.distance) <= _TOUCH, between.area, 0.0)
+            between = segments(wet_face, Surface.boundary(blocks[neighbour]), TOUCH)
+            area = np.where(np.abs(between.distance) <= TOUCH, between.area, 0.0)
             covered = np.bincount(between.slave, area, len(face.facets))
             inside = int((covered > 0.5 * wet_face.areas).sum())
             if inside:

@@ -24,17 +24,14 @@ from romdam.geometry.facets import area_vectors, boundary_facets, facet_areas, f
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.kinds import refuse_wedges
 from romdam.geometry.nearest import tree
-from romdam.scene.mortar.interface import STEEPEST
-from romdam.scene.mortar.segments import Segments, segments
 from romdam.scene.mortar.surface import Surface
+from romdam.scene.reservoir.walls import TOUCH, UPRIGHT, lying_on, refuse_uncovered
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 from romdam.scene.select import select_facets
 
 log = logging.getLogger(__name__)
 
-UPRIGHT = np.sin(np.radians(10.0))  # vertical part of a wall's normal, up to which it stands upright
 PER_WAVE = 10.0  # nodes in a wave's length at the cut-off, where linear elements are 1.6 % off
-_TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _TOUCHED, _MOSTLY = 1e-6, 0.5  # of a facet on the dam: above it is pressed on, above it is no bottom
 _LEVEL = 1e-4  # of the mesh's height: nodes so near to the level are on it
 _CEILING = np.cos(np.radians(45.0))  # vertical part of the normal of what would be a free surface
@@ -57,7 +54,8 @@ def reservoir_mesh(
         for a file that cannot be read, and elements that are no sound body.
     ConfigError
         for water whose surface is not level at the level, that does not touch the dam or only some of its wet
-        faces, whose end is no upright plane, and for faces that are two things at once.
+        faces, whose end is no upright plane, for faces that are two things at once, and for rock that leaves
+        floor or banks out.
     """
     mesh = files.block("reservoir", config, Material(0.0, 0.0, water.density), location)
     refuse_wedges(mesh, "the water's own mesh is not made of", location)
@@ -120,13 +118,14 @@ def reservoir_mesh(
                 location, longest, resolved, PER_WAVE, water.sound.cutoff,
             )  # fmt: skip
     is_on["dam"] = share > _TOUCHED
+    is_on["rock"] = np.zeros(len(walls), dtype=bool)
+    if water.rock:
+        leans: Bools = rest & (np.abs(normal_z) > UPRIGHT)
+        surface = Surface(mesh.name, mesh.points, walls)
+        is_on["rock"] = refuse_uncovered(
+            surface, leans, water.rock, blocks, config.overlap, location.removesuffix(".mesh")
+        )
     return replace(mesh, faces={name: walls[some] for name, some in is_on.items()})
-
-
-def lying_on(water: Surface, dam: Surface) -> Segments:
-    """Places where facets of the water and of the dam lie on each other."""
-    between = segments(water, dam, _TOUCH)
-    return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
 
 
 def _refuse_confined(mesh: Block, surface: Ints, location: str) -> None:
@@ -170,7 +169,7 @@ def _share_on_dam(
             raise ConfigError(
                 f"{location}: the water's mesh does not touch the wet faces of block {name!r}: the smallest "
                 f"distance of their nodes is {distance[closest]:.6g} m, from ({a}) to ({b}), limit "
-                f"{_TOUCH:g} m; correct `unit`, or mesh the water up to the dam"
+                f"{TOUCH:g} m; correct `unit`, or mesh the water up to the dam"
             )
         if covered[name] < overlap * area:
             raise ConfigError(
