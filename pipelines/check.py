@@ -21,6 +21,7 @@ from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
 from romdam.pipelines.linear import check_linear_stage
+from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import (
     Clock,
     Stage,
@@ -172,11 +173,14 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         if summarised:
             refuse_summary(job, None)
         usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
+        with clock.stage("scene", "building the scene"):
+            scene = scene_of(job)
+        job = with_scene_warnings(scene, job)
         if job.config.linear_stage is not None:
-            check_linear_stage(job, motions, clock, store)
-        model = build_model(job, clock, store, estimated=True)
+            of_linear = check_linear_stage(job, scene, motions, clock, store)
+            job = replace(job, scene_warnings=tuple(dict.fromkeys((*job.scene_warnings, *of_linear))))
+        model = build_model(job, clock, store, estimated=True, scene=scene)
         sibling = build_sibling(job, clock, store)
-        job = with_scene_warnings(model.scene, job)
     settings = settings_for(job, model.prepared, motions[0])
     duration, steps = job.config.transient.duration, dict[str, int]()
     for motion in motions:

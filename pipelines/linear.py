@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from romdam.core.threads import one_thread
 from romdam.effects.added_mass import added_mass
 from romdam.fem.stress import stress_operators
 from romdam.pipelines.input_motions import records_of
-from romdam.pipelines.job_warnings import log_warnings
+from romdam.pipelines.job_warnings import log_warnings, with_scene_warnings
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Goal, Stage, draw, run_motion, silent, usable_motions, write_shared
 from romdam.pipelines.simulation import Model, as_run, prepare
@@ -61,7 +61,7 @@ class LinearModel:
 
     Attributes
     ----------
-    job : with the basis and the outputs of the linear stage
+    job : with the basis, the outputs and the warnings of the linear stage
     stage : its keys, or their defaults
     scene : with its joints
     model : with the joints tied, and the stress of its modes
@@ -125,7 +125,11 @@ def linear(job: Source, out: str | Path, show: Stage = silent, cache: Path | Non
         read = records_of(job, folder)
     motions = usable_motions(job, read, summarised=False)
     log_warnings(job, motions)
-    stages = linear_stages(job, motions, folder, clock, store)
+    job = with_spacing(job, None)
+    with clock.stage("scene", "building the scene"):
+        scene = scene_of(job)
+    model = build_linear_model(job, scene, clock, store)
+    stages = linear_stages(model, motions, folder, clock, said=())
     tables, paths = write_stages(stages, {}, folder)
     every = [path for stage in stages.values() for path in stage.paths]
     failures = {name: message for name, message in read.items() if isinstance(message, str)}
@@ -133,25 +137,36 @@ def linear(job: Source, out: str | Path, show: Stage = silent, cache: Path | Non
 
 
 def linear_stages(
-    job: Job, motions: Sequence[GroundMotion], folder: Path, clock: Clock, store: BlockStore | None
+    model: LinearModel, motions: Sequence[GroundMotion], folder: Path, clock: Clock, said: Collection[str]
 ) -> dict[str, LinearStage]:
-    """Make the linear stage of every record, by its name."""
-    model = build_linear_model(job, clock, store)
+    """Make the linear stage of every record, by its name.
+
+    Parameters
+    ----------
+    said : warnings about the scene that the caller has logged; the others are logged here
+    """
+    for line in with_lines(model.job, (text for text in model.job.scene_warnings if text not in said)):
+        log.warning("%s", line)
     return {motion.name: linear_stage(model, motion, folder, clock) for motion in motions}
 
 
 def check_linear_stage(
-    job: Job, motions: Sequence[GroundMotion], clock: Clock, store: BlockStore | None
-) -> None:
-    """Refuse what the linear stage of a run would, short of its time histories.
+    job: Job, scene: Scene, motions: Sequence[GroundMotion], clock: Clock, store: BlockStore | None
+) -> tuple[str, ...]:
+    """Refuse what the linear stage of a run would, short of its time histories; return its warnings.
+
+    Parameters
+    ----------
+    scene : of the job
 
     Raises
     ------
     RomdamError
     """
-    model = build_linear_model(job, clock, store)
+    model = build_linear_model(job, scene, clock, store)
     for motion in motions[:1] if model.stage.spectra is not None else motions:
         spectrum_at_modes(model, motion)
+    return model.job.scene_warnings
 
 
 def refuse_unfit(job: Job) -> None:
@@ -167,8 +182,12 @@ def refuse_unfit(job: Job) -> None:
         raise ConfigError(f"{job.path}: {error}") from None
 
 
-def build_linear_model(job: Job, clock: Clock, store: BlockStore | None) -> LinearModel:
+def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore | None) -> LinearModel:
     """Tie the joints of a job and reduce what is then one structure, with all modes below the cut-off.
+
+    Parameters
+    ----------
+    scene : of the job, with its joints
 
     Raises
     ------
@@ -176,13 +195,11 @@ def build_linear_model(job: Job, clock: Clock, store: BlockStore | None) -> Line
         where joints cannot be tied, and where the structure moves as a rigid body or its modes are coupled.
     """
     stage = job.config.linear_stage or LinearStageConfig()
-    job = with_spacing(job, None)
     with clock.stage("linear_scene", "tying the joints"), placed(job.path):
-        scene = scene_of(job)
         tied = tie_joints(scene, list(scene.joints), job.config.every_joint, str(job.path))
-    for line in with_lines(job, _remarks(job, scene)):
-        log.warning("%s", line)
-    job = _linear_job(job, stage)
+    remarks = _remarks(job, scene)
+    job = with_scene_warnings(tied, _linear_job(job, stage))
+    job = replace(job, scene_warnings=(*remarks, *job.scene_warnings))
     with clock.stage("linear_model", "reducing the dam with tied joints"), placed(job.path):
         reduced = reduce_scene(tied, job.config.model, job.config.damping, store)
         system = reduced.system

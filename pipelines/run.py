@@ -254,12 +254,14 @@ def _run(
     log_warnings(job, motions)
     store = open_store(cache)
     job, choice = choose_mesh_and_modes(job, motions, clock, store)
-    linear = linear_stages_of(job, motions, goal.folder, clock, store)
-    model = build_model(job, clock, store, estimated=True)
+    with clock.stage("scene", "building the scene"):
+        scene = scene_of(job)
+    job = log_scene_warnings(scene, job)
+    linear = linear_stages_of(job, scene, motions, goal.folder, clock, store)
+    model = build_model(job, clock, store, estimated=True, scene=scene)
     if model.prepared.goes_on_from is not None:
         with placed(job.path):
             refuse_other_start(model.prepared.goes_on_from, [model.prepared])
-    job = log_scene_warnings(model.scene, job)
     of_mesh = choice or build_sibling(job, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last, undrawn = _run_all(
@@ -290,14 +292,20 @@ def _run(
 
 
 def linear_stages_of(
-    job: Job, motions: list[GroundMotion], folder: Path, clock: Clock, store: BlockStore | None
+    job: Job,
+    scene: Scene,
+    motions: list[GroundMotion],
+    folder: Path,
+    clock: Clock,
+    store: BlockStore | None,
 ) -> Mapping[str, LinearStage]:
     """The linear stage of every record, where a job has one."""
     if job.config.linear_stage is None:
         return {}
-    from romdam.pipelines.linear import linear_stages  # it imports this module
+    from romdam.pipelines.linear import build_linear_model, linear_stages  # it imports this module
 
-    return linear_stages(job, motions, folder, clock, store)
+    model = build_linear_model(job, scene, clock, store)
+    return linear_stages(model, motions, folder, clock, said=job.scene_warnings)
 
 
 def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMotion]:
@@ -489,16 +497,25 @@ def with_modes_chosen(
         return choose_modes(job, scene_of(job), motions, store)
 
 
-def build_model(job: Job, clock: Clock, store: BlockStore | None = None, *, estimated: bool = False) -> Model:
+def build_model(
+    job: Job,
+    clock: Clock,
+    store: BlockStore | None = None,
+    *,
+    estimated: bool = False,
+    scene: Scene | None = None,
+) -> Model:
     """Scene and system, reduced or not as the configuration says.
 
     Parameters
     ----------
     store : holds blocks reduced before
     estimated : with the finer model that every run's estimate of its error compares with
+    scene : of the job; None where it is not built yet
     """
-    with clock.stage("scene", "building the scene"):
-        scene = scene_of(job)
+    if scene is None:
+        with clock.stage("scene", "building the scene"):
+            scene = scene_of(job)
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"), placed(job.path):
             full = observing_stress(scene, assemble_full(scene, job.config.damping))

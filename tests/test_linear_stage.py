@@ -19,6 +19,7 @@ from romdam.fem.parts import unknowns
 from romdam.fem.stress import stress_operator
 from romdam.pipelines.check import check
 from romdam.pipelines.linear import linear
+from romdam.pipelines.moving_supports import scene_of
 from romdam.postprocess.response_spectrum import (
     Spectrum,
     combine_directions,
@@ -415,6 +416,32 @@ def test_stages_in_one_command_and_one_table(record, tmp_path):
     assert {len(row) for row in table.rows} == {6}
     linear_opening = [row for row in table.rows if row[0] == "largest opening"]
     assert [row[3:5] for row in linear_opening] == [("-", "-")] and float(linear_opening[0][5]) >= 0.0
+
+
+def test_scene_is_built_and_its_warnings_are_said_once(record, tmp_path, monkeypatch, caplog):
+    """With the nonlinear run; results hold the warnings, those of the linear stage its own too."""
+    raw = tower(record, linear_stage={})
+    raw["transient"]["duration"] = "0.2 s"
+    raw["joints"]["lift"]["gap"] = "1 mm"
+    raw["joints"]["lift"]["normal_stiffness"] = "auto"
+    built = []
+    for module in (romdam.pipelines.run, romdam.pipelines.linear, romdam.pipelines.check):
+        monkeypatch.setattr(module, "scene_of", lambda job: built.append(1) or scene_of(job))
+    both, tied = "joints: normal_stiffness: auto is", "linear_stage: initial gaps of up to 1 mm are taken"
+    for count, call in enumerate((romdam.run, linear), 1):
+        caplog.clear()
+        call(load_config(raw), tmp_path / str(count))
+        said = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+        words = (both, tied, "outputs.stress.ring: it leaves out")
+        assert [sum(part in text for text in said) for part in words] == [1, 1, 1]
+        assert len(built) == count
+        doubts = xr.load_dataset(tmp_path / str(count) / "linear" / "noise.nc").attrs["configuration_doubts"]
+        assert both in doubts and tied in doubts and "joints with friction alone" not in doubts
+    doubts = xr.load_dataset(tmp_path / "1" / "noise.nc").attrs["configuration_doubts"]
+    assert both in doubts and tied not in doubts and "joints with friction alone" in doubts
+    warnings = check(raw).warnings
+    assert len(built) == 3
+    assert [sum(part in text for text in warnings) for part in (both, tied)] == [1, 1]
 
 
 def test_record_that_cannot_be_read_does_not_stop_the_others(record, tmp_path):
