@@ -6,6 +6,7 @@ import json
 import logging
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import xarray as xr
@@ -317,6 +318,7 @@ def linear_stage(linear: LinearModel, motion: GroundMotion, folder: Path, clock:
         dataset.attrs |= job_labels(job) | record_labels(motion)
         dataset.attrs |= {
             "source": f"romdam {romdam.__version__}",
+            "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
             "versions": library_versions(),
             "joints": "tied",
             "combination": linear.stage.combination,

@@ -1,5 +1,7 @@
 """The linear stage: spectra by hand, closed forms and printed numbers; histories; stages together."""
 
+import csv
+import json
 from pathlib import Path
 
 import numpy as np
@@ -416,6 +418,36 @@ def test_stages_in_one_command_and_one_table(record, tmp_path):
     assert {len(row) for row in table.rows} == {6}
     linear_opening = [row for row in table.rows if row[0] == "largest opening"]
     assert [row[3:5] for row in linear_opening] == [("-", "-")] and float(linear_opening[0][5]) >= 0.0
+    tell_spectrum(tmp_path / "l" / "linear" / "noise-spectrum.nc", tables[1])
+
+
+def tell_spectrum(path, stages):
+    """`romdam info` of a spectrum has the numbers of the table of stages, as lines and as JSON."""
+    dataset = xr.load_dataset(path)
+    numbers = [name for name, values in dataset.variables.items() if values.dtype == np.float64]
+    assert all(dataset[name].attrs["units"] for name in numbers)
+    table = {row[0]: row[3] for row in csv.reader(stages)}
+    told = CliRunner().invoke(app, ["info", str(path)])
+    assert told.exit_code == 0, told.output
+    lines = told.output.splitlines()
+    assert lines[3] == "combination    modes by cqc, directions by 100-30-30, joints tied"
+    assert lines[4].startswith("modes          5 below 33 Hz: 9.087, ")
+    x, y, z = (table[f"largest displacement {axis}"] for axis in "xyz")
+    assert f"displacement   top: x {x}, y {y}, z {z} mm at most, either sign" in lines
+    tension = table["largest tension across the joint"]
+    assert any(line.startswith(f"joint          lift: tension {tension} MPa at most") for line in lines)
+    said = json.loads(CliRunner().invoke(app, ["info", "--json", str(path)]).output)
+    assert said["frequencies_Hz"] == pytest.approx(dataset.frequency.values, rel=1e-15)
+    joint = said["joints"]["lift"]
+    force = 1e-6 * (joint["static_normal_force_N"] + joint["peak_normal_force_N"])
+    assert f"{force:.4g}" == table["largest normal force, tension > 0"]
+    outside = dataset.max_principal_stress.values[dataset.stress_ring.values == 0]
+    assert said["stress"]["largest_principal_Pa"] == outside.max()
+    other = path.with_name("other-spectrum.nc")
+    dataset.frequency.attrs["units"] = "1/min"
+    dataset.to_netcdf(other, engine="h5netcdf")
+    refused = CliRunner().invoke(app, ["info", str(other)])
+    assert refused.exit_code != 0 and "frequency must have the units 'Hz'" in str(refused.exception)
 
 
 def test_scene_is_built_and_its_warnings_are_said_once(record, tmp_path, monkeypatch, caplog):

@@ -26,7 +26,8 @@ def info(
     result: Annotated[
         Path,
         typer.Argument(
-            help="NetCDF file that `romdam run` wrote, or .h5 file of reduced blocks.", metavar="RESULT"
+            help="NetCDF file that `romdam run` or `romdam linear` wrote, or .h5 file of reduced blocks.",
+            metavar="RESULT",
         ),
     ],
     as_json: Json = False,
@@ -34,9 +35,11 @@ def info(
     verbose: Verbose = False,
 ) -> None:
     """Tell what a result is, its peaks and error where measured; or what a file of reduced blocks holds."""
+    from romdam.results.response_spectrum import open_spectrum
     from romdam.terminal import open_terminal
     from romdam.terminal.documents import info_document, print_document
     from romdam.terminal.lines import info_lines
+    from romdam.terminal.spectrum import spectrum_document, spectrum_lines
     from romdam.terminal.tables import error_tables, peaks_table, sliding_tables
 
     _, say = open_terminal(quiet, verbose, as_json)
@@ -46,6 +49,14 @@ def info(
         from romdam.results.model_info import model_lines
 
         say(*model_lines(result))
+        return
+    spectrum = open_spectrum(result)
+    if spectrum is not None:
+        with spectrum:
+            if as_json:
+                print_document("info", spectrum_document(spectrum, result))
+            else:
+                say(*spectrum_lines(spectrum))
         return
     with romdam.open_result(result) as opened:
         if as_json:

@@ -45,6 +45,35 @@ _INDEX: dict[str, tuple[tuple[str, ...], str | None]] = {
 }
 _SUMMARY = _INDEX | {name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)}
 
+_SPECTRUM_TEXTS = (
+    "title", "record", "configuration_file", "configuration_sha256", "combination", "directions", "spectrum",
+    "source",
+)  # fmt: skip
+# of a response-spectrum analysis: dimensions, units, and the variable beside which it stands, "" for all
+_SPECTRUM: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "direction": (("direction",), "", ""),
+    "frequency": (("mode",), "Hz", ""),
+    "damping_ratio": (("mode",), "1", ""),
+    "modal_mass_share": (("direction",), "%", ""),
+    "spectral_acceleration": (("mode", "direction"), "m s-2", ""),
+    "rigid_acceleration": (("direction",), "m s-2", ""),
+    "node": (("node",), "", "peak_displacement"),
+    "static_displacement": (("node", "component"), "m", "peak_displacement"),
+    "peak_displacement": (("node", "component"), "m", "static_displacement"),
+    "stress_block": (("stress_node",), "", "max_principal_stress"),
+    "stress_ring": (("stress_node",), "1", "max_principal_stress"),
+    "stress_position": (("stress_node", "component"), "m", "max_principal_stress"),
+    "max_principal_stress": (("stress_node",), "Pa", "stress_ring"),
+    "joint": (("joint",), "", "max_joint_tension"),
+    "static_normal_force": (("joint",), "N", "max_joint_tension"),
+    "peak_normal_force": (("joint",), "N", "max_joint_tension"),
+    "max_joint_tension": (("joint",), "Pa", "joint"),
+    "joint_tension_share": (("joint",), "%", "max_joint_tension"),
+    "section": (("section",), "", "peak_section_force"),
+    "peak_section_force": (("section", "section_axis"), "N", "section"),
+    "peak_section_moment": (("section", "section_axis"), "N m", "section"),
+}
+
 
 def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
     """Refuse a file that is not the result of a record, or whose variables are not what their names say.
@@ -67,6 +96,41 @@ def check_run(dataset: xr.Dataset, known: Opened, path: Path) -> None:
             f"{path}: is not the result of a record as romdam writes it: {flaw}; run it again, or name "
             "a file that `romdam run` wrote"
         )
+
+
+def check_spectrum(dataset: xr.Dataset, known: Opened, path: Path) -> None:
+    """Refuse a file that is not a response-spectrum analysis; as `check_run`.
+
+    Raises
+    ------
+    ResultError
+        naming file, attribute or variable, and what is expected.
+    """
+    flaw = next(_spectrum_flaws(dataset, known), None)
+    if flaw is not None:
+        raise ResultError(
+            f"{path}: is not a response-spectrum analysis as romdam writes it: {flaw}; run `romdam linear` "
+            "again"
+        )
+
+
+def _spectrum_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
+    """Say what is wrong with a response-spectrum analysis, of what is told of it."""
+    for name in _SPECTRUM_TEXTS:
+        if not isinstance(dataset.attrs.get(name), str):
+            yield f"its attribute {name} must be a text, got {_got(dataset.attrs, name)}"
+    if not dataset.attrs["source"].startswith("romdam"):
+        yield "it has no attribute source that says so"
+    value = dataset.attrs.get("cutoff_hz")
+    if not isinstance(value, int | float | np.number):
+        yield f"its attribute cutoff_hz must be a number, got {_got(dataset.attrs, 'cutoff_hz')}"
+    for name, (dims, units, companion) in _SPECTRUM.items():
+        if name in dataset.variables:
+            yield from _variable_flaws(name, dims, units, dataset.variables[name])
+        elif not companion or companion in dataset.variables:
+            yield f"the variable {name} is missing"
+    for name in sorted((known.infinite | known.undefined) & {*_SPECTRUM}):
+        yield f"{name} has values that are no numbers"
 
 
 def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:

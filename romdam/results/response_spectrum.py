@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Floats
+from romdam.core.errors import ResultError
 from romdam.core.motion import AXES
 from romdam.core.scene import Scene, StressSites
 from romdam.core.system import System
@@ -21,8 +23,30 @@ from romdam.postprocess.response_spectrum import ModalPeaks, Spectrum, largest_n
 from romdam.postprocess.stress.faces import PERCENTILES, area_percentiles
 from romdam.postprocess.stress.sections import AXES as SECTION_AXES
 from romdam.postprocess.stress.summary import COMPONENTS, principal_stresses, stress_along
+from romdam.results.checking import check_spectrum
+from romdam.results.dataset import open_netcdf
 from romdam.results.joint_traction import JointTraction, joint_traction
 from romdam.results.stress.file import StressFields
+
+
+def open_spectrum(path: Path) -> xr.Dataset | None:
+    """Open a response-spectrum analysis lazily, once it is known to be one; None for another kind of file.
+
+    Raises
+    ------
+    ResultError
+        where there is no such file, or it is damaged.
+    """
+    dataset, known = open_netcdf(path)
+    if "spectral_acceleration" not in dataset:
+        dataset.close()
+        return None
+    try:
+        check_spectrum(dataset, known, path)
+    except ResultError:
+        dataset.close()
+        raise
+    return dataset
 
 
 @dataclass(frozen=True)
@@ -75,11 +99,13 @@ def spectrum_dataset(
     """
     dataset, sites = _modes(spectrum, total_mass), structure.scene.stress
     if structure.scene.probes:
-        dataset = dataset.merge(_displacement(structure, peaks), combine_attrs="drop")
+        dataset = dataset.merge(_displacement(structure, peaks), combine_attrs="drop_conflicts")
     if sites is not None:
-        dataset = dataset.merge(_stress(structure, sites, peaks), combine_attrs="drop")
+        dataset = dataset.merge(_stress(structure, sites, peaks), combine_attrs="drop_conflicts")
     if structure.traction is not None:
-        dataset = dataset.merge(_tractions(structure, structure.traction, peaks), combine_attrs="drop")
+        dataset = dataset.merge(
+            _tractions(structure, structure.traction, peaks), combine_attrs="drop_conflicts"
+        )
     return dataset
 
 
@@ -208,8 +234,8 @@ def _stress(structure: Structure, sites: StressSites, peaks: ModalPeaks) -> xr.D
         "stress_component": _variable("stress_component", list(COMPONENTS), "", "component of the tensor"),
     }
     dataset = xr.Dataset(variables, coordinates)
-    dataset = dataset.merge(_faces(sites, largest, counted), combine_attrs="drop")
-    return dataset.merge(_sections(structure, sites, peaks), combine_attrs="drop")
+    dataset = dataset.merge(_faces(sites, largest, counted), combine_attrs="drop_conflicts")
+    return dataset.merge(_sections(structure, sites, peaks), combine_attrs="drop_conflicts")
 
 
 def _faces(sites: StressSites, largest: Floats, counted: Floats) -> xr.Dataset:
