@@ -26,7 +26,7 @@ from romdam.pipelines.input_motions import records_of, usable
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.pipelines.suites.plan import read_records
 from romdam.postprocess.record_measures import analysed
-from romdam.postprocess.responses import intensity_of, response_of
+from romdam.postprocess.responses import intensity_of, response_of, responses
 from romdam.results.dataset import write_dataset
 from romdam.results.fields import open_result
 from romdam.results.stored_run import FOLDER
@@ -40,7 +40,7 @@ from romdam.visual.report.one_run import RunSubject, run_report
 from romdam.visual.report.page import page
 from romdam.visual.report.parts import Report
 from romdam.visual.report.sections import suite_report
-from romdam.visual.report.subject import Subject, Topic, responses
+from romdam.visual.report.subject import Subject, Topic
 
 log = logging.getLogger(__name__)
 

@@ -13,6 +13,7 @@ from romdam.postprocess.responses import (
     parameters,
     response_of,
 )
+from romdam.postprocess.sobol import BASE_SAMPLES
 
 RESAMPLES = 1000
 _RELATIONS = ("spearman", "pearson", "slope", "dispersion", "count")
@@ -102,6 +103,8 @@ def sensitivity(
     ResultError
         for a response that the suite does not have.
     """
+    if BASE_SAMPLES in summary.attrs:  # only A and B are independent of each other
+        summary = summary.isel(sample=slice(2 * int(summary.attrs[BASE_SAMPLES])))
     values, sampled = response_of(summary, response), parameters(summary)
     names = list(sampled)
     effect, logarithmic = _effects(values)

@@ -19,6 +19,25 @@ RUNS = ("record", "scale", "sample")
 MEASURE = "record_"  # how the summary's variables of the records' measures begin
 PARAMETER = "parameter_"  # and those of the samples' parameters, which a user may call `gap` or `scale`
 
+_NOT_RESPONSES = (
+    "wall_seconds",
+    "cpu_seconds",
+    "steps",
+    "finest_step",
+    "estimated_time_error",
+    "estimated_reduction_error",
+)
+
+
+def responses(summary: xr.Dataset) -> list[str]:
+    """Names of what a run answers with, in the summary's order."""
+    return [
+        str(name)
+        for name, values in summary.data_vars.items()
+        if values.dims[:3] == RUNS and values.dtype.kind == "f"
+        and not {"gap", "floor_frequency"} & {*values.dims} and name not in _NOT_RESPONSES
+    ]  # fmt: skip
+
 
 def response_of(summary: xr.Dataset, response: str) -> xr.DataArray:
     """A response of each run, (record, scale, sample): the largest over joints, nodes and so on.

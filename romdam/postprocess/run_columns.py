@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from romdam.postprocess.responses import PARAMETER, RUNS
 
 _MAPS = ("gap", "floor_frequency")  # dimensions of what has too many numbers for a row
+_STATISTICS = ("sobol_",)  # beginnings of names of what is of many runs
 _FIRST = ("scale_factor", "entry_factor", "matched", "status", "message", "file")
 
 
@@ -53,7 +54,7 @@ def run_columns(summary: xr.Dataset) -> list[Column]:
         variable = summary[name]
         run_dims = [str(dim) for dim in variable.dims if dim in RUNS]
         rest = [str(dim) for dim in variable.dims if dim not in RUNS]
-        if not run_dims or set(rest) & set(_MAPS):
+        if not run_dims or set(rest) & set(_MAPS) or name.startswith(_STATISTICS):
             continue
         values = variable.transpose(*run_dims, *rest).values
         shape = [summary.sizes[dim] if dim in run_dims else 1 for dim in RUNS]

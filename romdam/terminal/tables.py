@@ -230,6 +230,25 @@ def suite_table(summary: xr.Dataset) -> Table:
     return table
 
 
+def sobol_tables(summary: xr.Dataset) -> list[Table]:
+    """Sobol' indices of the suite's first response; none where its samples are not made for them."""
+    from romdam.postprocess.responses import responses
+    from romdam.postprocess.sobol import BASE_SAMPLES, sobol_indices, sobol_rows
+
+    names = responses(summary) if BASE_SAMPLES in summary.attrs else []
+    if not names:
+        return []
+    indices = sobol_indices(summary, names[0])
+    title = f"Shares of the variance of {names[0].replace('_', ' ')} (Sobol' indices), 95 % bounds"
+    table = _table(title, ("scale", "parameter"), ("first order", "total", "base samples"))
+    for row in sobol_rows(indices):
+        table.add_row(*row)
+    if indices.attrs["statement"]:
+        table.caption = str(indices.attrs["statement"])
+        table.caption_justify = "left"
+    return [table]
+
+
 def certificate_table(statement: Mapping[str, Any]) -> Table:
     """Errors of a certificate in the run, and for the same joint forces; of a sample their intervals."""
     if "within" in statement:

@@ -203,6 +203,25 @@ def sensitivity_figure(strength: xr.Dataset) -> Figure:
     return figure
 
 
+def sobol_figure(indices: xr.Dataset) -> Figure:
+    """First-order and total index of every parameter with their bounds, of one scale."""
+    figure, ax = _panel(1.3 + 0.45 * indices.sizes["parameter"])
+    order = np.argsort(-indices["total"].values, kind="stable")
+    at = np.arange(len(order))
+    pairs = (("first", "first order", -0.14), ("total", "total", 0.14))
+    for colour, (name, label, aside) in zip(COLOURS, pairs, strict=False):
+        value = indices[name].values[order]
+        ends = np.abs(indices[f"{name}_bounds"].values[order].T - value)
+        ax.errorbar(value, at + aside, xerr=ends, fmt="o", ms=4, color=colour, capsize=2, lw=1.2, label=label)
+    ax.set_yticks(at, [str(name) for name in indices.parameter.values[order]])
+    ax.set_ylim(len(order) - 0.5, -0.5)
+    ax.axvline(0.0, color="black", lw=0.6)
+    ax.grid(visible=False, axis="y")
+    ax.set_xlabel("share of the variance")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
+
+
 def height_figure(envelopes: xr.Dataset) -> Figure | None:
     """Openings over height, a panel a joint that has any: medians at every scale, the largest of all runs."""
     height = {str(name): envelopes.gap_position.values[envelopes.gap_joint.values == name, 2]

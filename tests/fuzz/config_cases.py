@@ -409,6 +409,10 @@ def _matrices() -> dict[str, Any]:
         files | more | {"names": {key: key for key in keys if key != "unknowns"}}
     )
     raw["outputs"]["stress"] = {"blocks": ["left"], "strength": "3 MPa"}
+    raw["suite"] = {
+        "parameters": {"mu": {"path": "joints.gap.friction", "low": 0.3, "high": 0.7}},
+        "design": {"sobol_indices": 16, "seed": 3},
+    }
     return raw
 
 

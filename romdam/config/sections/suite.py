@@ -140,6 +140,34 @@ class MonteCarloConfig(Model):
     """Seed of the random numbers."""
 
 
+class SobolIndicesConfig(Model):
+    """Samples that Sobol' indices are computed from: n (k + 2) of them for k parameters."""
+
+    sobol_indices: Annotated[Whole, Field(ge=16, le=2**17)]
+    """Number n of base samples, a power of 2."""
+    seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
+    """Seed of the random numbers."""
+
+    @model_validator(mode="after")
+    def _power_of_two(self) -> Self:
+        n = self.sobol_indices
+        if n & (n - 1):
+            below = 1 << (n.bit_length() - 1)
+            raise ValueError(
+                f"`sobol_indices` is a power of 2, else Sobol's sequence is not balanced, got {n}; take "
+                f"{below} or {2 * below}"
+            )
+        return self
+
+
+RandomDesign = LatinHypercubeConfig | MonteCarloConfig | SobolIndicesConfig
+_DESIGNS: dict[type, str] = {  # as messages name them
+    LatinHypercubeConfig: "a Latin hypercube",
+    MonteCarloConfig: "Monte Carlo",
+    SobolIndicesConfig: "a design for Sobol' indices",
+}
+
+
 class CorrelationPairConfig(Model):
     """Correlation of two parameters."""
 
@@ -193,7 +221,7 @@ class SuiteConfig(Model):
     """Variations of a suite, and what it keeps; a run is one record at one scale with one sample.
 
     `scales` are factors on the records, `intensities` target values instead. `parameters` and `design` make
-    the samples: the full grid of values, a Latin hypercube, or a table. `keep` says what lands beside the
+    the samples: the full grid of values, random ones, or a table. `keep` says what lands beside the
     summary: nothing (`peaks`), whole results (`full`), or results at an interval. `period` is that of the
     spectral acceleration among the records' measures, `of` what of the components these are of, `batch` that
     of runs integrated together (from the memory if not given), `cache` the folder of reduced blocks
@@ -207,15 +235,15 @@ class SuiteConfig(Model):
         default_factory=dict
     )
     design: Annotated[
-        Annotated[Literal["grid"], Tag("word")]
-        | Annotated[LatinHypercubeConfig | MonteCarloConfig | DesignTableConfig, Tag("mapping")],
+        Annotated[Literal["grid"], Tag("word")] | Annotated[RandomDesign | DesignTableConfig, Tag("mapping")],
         by_shape(
-            '"grid", {latin_hypercube: 100, seed: 1}, {monte_carlo: 1000, seed: 1}, or {table: samples.csv}',
+            '"grid", {latin_hypercube: 100, seed: 1}, {monte_carlo: 1000, seed: 1}, '
+            "{sobol_indices: 256, seed: 1}, or {table: samples.csv}",
             "grid",
         ),
     ] = "grid"
     """Design of the samples of the parameters: the full grid of values, a Latin hypercube, independent
-    samples, or a table."""
+    samples, those of Sobol' indices, or a table."""
     correlation: CorrelationConfig | None = None
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
@@ -246,9 +274,8 @@ class SuiteConfig(Model):
             self._has_what_the_design_needs(name, parameter)
         if isinstance(self.design, DesignTableConfig) and not self.parameters:
             raise ValueError("a design table needs `parameters`: name each column's path")
-        if isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig) and not self.parameters:
-            what = "a Latin hypercube" if isinstance(self.design, LatinHypercubeConfig) else "Monte Carlo"
-            raise ValueError(f"{what} needs `parameters` with `low` and `high`")
+        if isinstance(self.design, RandomDesign) and not self.parameters:
+            raise ValueError(f"{_DESIGNS[type(self.design)]} needs `parameters` with `low` and `high`")
         self._refuse_odd_correlation()
         self._refuse_too_many()
         for name, values in (("scales", self.scales), ("intensities.values", self._targets())):
@@ -261,7 +288,13 @@ class SuiteConfig(Model):
     def _refuse_odd_correlation(self) -> None:
         if self.correlation is None:
             return
-        if not isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig):
+        if isinstance(self.design, SobolIndicesConfig):
+            raise ValueError(
+                "correlation: shares of the variance (Sobol' indices) are of independent parameters; leave "
+                "it out, let one parameter vary all paths that go together, or set design: {monte_carlo: "
+                "1000}"
+            )
+        if not isinstance(self.design, RandomDesign):
             raise ValueError(
                 "correlation: is of random samples; set design: {latin_hypercube: 100} or {monte_carlo: "
                 "1000}, or leave it out"
@@ -280,10 +313,12 @@ class SuiteConfig(Model):
             len(parameter.values or ()) or parameter.count or 1 for parameter in self.parameters.values()
         ]
         samples = math.prod(levels) if self.design == "grid" else 1
+        if isinstance(self.design, SobolIndicesConfig):
+            samples = self.design.sobol_indices * (len(self.parameters) + 2)
         if scales * samples > MOST_RUNS:
             raise ValueError(
                 f"{scales} scales of {samples:.6g} samples are {scales * samples:.3g} runs of every record, "
-                f"limit {MOST_RUNS}; give fewer values, or design: {{latin_hypercube: 1000}}"
+                f"limit {MOST_RUNS}; give fewer values or base samples, or design: {{latin_hypercube: 1000}}"
             )
 
     def _targets(self) -> tuple[float, ...]:
@@ -293,11 +328,11 @@ class SuiteConfig(Model):
         if isinstance(self.design, DesignTableConfig):
             if parameter.values is not None or parameter.low is not None or parameter.has_moments:
                 raise ValueError(f"parameters.{name}: the table gives the values; leave only `path`")
-        elif isinstance(self.design, LatinHypercubeConfig | MonteCarloConfig):
+        elif isinstance(self.design, RandomDesign):
             if parameter.values is None and parameter.low is None and not parameter.has_moments:
-                what = "a Latin hypercube" if isinstance(self.design, LatinHypercubeConfig) else "Monte Carlo"
                 raise ValueError(
-                    f"parameters.{name}: {what} needs `low` and `high`, `values`, or a distribution"
+                    f"parameters.{name}: {_DESIGNS[type(self.design)]} needs `low` and `high`, "
+                    "`values`, or a distribution"
                 )
         elif parameter.values is None and parameter.count is None:
             raise ValueError(

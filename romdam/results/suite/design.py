@@ -18,6 +18,7 @@ from romdam.config.sections.suite import (
     LatinHypercubeConfig,
     MonteCarloConfig,
     ParameterConfig,
+    SobolIndicesConfig,
     SuiteConfig,
 )
 from romdam.core.arrays import Floats
@@ -27,6 +28,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
+from romdam.postprocess.sobol import BASE_SAMPLES
 from romdam.results.suite.sampling import (
     Marginal,
     correlated,
@@ -36,6 +38,7 @@ from romdam.results.suite.sampling import (
     lognormal_spread,
     monte_carlo,
     score_correlation,
+    sobol_matrices,
 )
 
 _MOST_TABLE = 1e9  # bytes
@@ -98,6 +101,10 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         unit = monte_carlo(design.monte_carlo, len(places), design.seed)
         values = _random_samples(unit, suite, places, source, strata=False)
         kind = f"Monte Carlo, seed {design.seed}"
+    elif isinstance(design, SobolIndicesConfig):
+        unit = sobol_matrices(design.sobol_indices, len(places), design.seed)
+        values = _random_samples(unit, suite, places, source, strata=False)
+        kind = f"Sobol' indices, {design.sobol_indices} base samples, seed {design.seed}"
     else:
         levels = [_levels(name, each, places[name], source) for name, each in suite.parameters.items()]
         rows = list(itertools.product(*levels))
@@ -109,7 +116,9 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         for name, column in values.items()
     }
     title = f"Samples of {job.config.title or job.path.stem}"
-    attributes = {"title": title, "design": kind, "content_sha256": fingerprint(values)}
+    attributes: dict[str, object] = {"title": title, "design": kind, "content_sha256": fingerprint(values)}
+    if isinstance(design, SobolIndicesConfig):
+        attributes[BASE_SAMPLES] = design.sobol_indices
     sample = ("sample", np.arange(count), {"units": "1", "long_name": "number of the sample"})
     return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
 

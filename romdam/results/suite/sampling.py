@@ -28,6 +28,7 @@ _EDGE = 2.0**-53  # least probability that a score is taken of, so that it is fi
 _ORDER = 40  # of the quadrature over each score: 1e-10 of the correlation up to a cov of 1
 _STRONGEST = 0.9999  # correlation of scores up to which one of the values is sought
 _CLOSE = 1e-12  # width of the interval in which bisection leaves it
+_BITS = 30  # of a number of Sobol's sequence
 _DEFINITE = 1e-9  # least eigenvalue of a correlation matrix
 
 
@@ -200,6 +201,28 @@ def latin_hypercube(samples: int, parameters: int, seed: int) -> Floats:
 def monte_carlo(samples: int, parameters: int, seed: int) -> Floats:
     """(samples, parameters) independent numbers between 0 and 1."""
     return np.random.default_rng(seed).random((samples, parameters))
+
+
+def sobol_matrices(base: int, parameters: int, seed: int) -> Floats:
+    """(base (parameters + 2), parameters) numbers between 0 and 1: A, B, and A with each column of B in turn.
+
+    A and B are the halves of a scrambled Sobol' sequence of twice as many dimensions.
+
+    Parameters
+    ----------
+    base : rows of A, a power of 2
+
+    References
+    ----------
+    Saltelli et al. (2010), Variance based sensitivity analysis of model output, Computer Physics
+    Communications 181(2), 259-270, section 5.
+    """
+    qmc = import_module("scipy.stats.qmc")  # half a second
+    sequence = qmc.Sobol(2 * parameters, bits=_BITS, seed=np.random.default_rng(seed)).random(base)
+    sequence = sequence + 0.5 ** (_BITS + 1)  # in the middle of its cell: no number is 0
+    A, B = sequence[:, :parameters], sequence[:, parameters:]
+    mixed = [np.where(np.arange(parameters) == i, B, A) for i in range(parameters)]
+    return np.concatenate([A, B, *mixed])
 
 
 def correlation_matrix(names: Sequence[str], pairs: Sequence[tuple[str, str, float]]) -> Floats:

@@ -27,6 +27,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
 from romdam.postprocess.responses import RUNS
+from romdam.postprocess.sobol import BASE_SAMPLES, with_sobol_indices
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
@@ -143,7 +144,9 @@ def summary_dataset(
         _FOLDER: results_folder,
         "runs_sha256": fingerprint([(run, row.key) for run, row in sorted(rows.items(), key=itemgetter(0))]),
     }
-    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+    attributes |= {name: design.attrs[name] for name in (BASE_SAMPLES,) if name in design.attrs}
+    dataset = xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+    return with_sobol_indices(dataset)
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import xarray as xr
 from romdam.core.display_units import unit_text
 from romdam.postprocess.extremes import worst_runs
 from romdam.postprocess.fragility import none_exceeds
-from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of
+from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of, responses
 from romdam.results.suite.rows import RunIndex
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
@@ -25,7 +25,7 @@ from romdam.visual.report.parts import (
     picture,
     side_by_side,
 )
-from romdam.visual.report.subject import Subject, plain, responses
+from romdam.visual.report.subject import Subject, plain
 
 MOST_ROWS = 5_000  # of a table: more make a page slow, and nobody reads them
 _WORST = 10

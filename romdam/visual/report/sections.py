@@ -33,6 +33,7 @@ from romdam.visual.report.statistics import (
     fragility_section,
     responses_section,
     sensitivity_section,
+    sobol_section,
 )
 from romdam.visual.report.subject import Subject, plain, values_of
 from romdam.visual.style import STYLE
@@ -266,6 +267,7 @@ SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
     floors_section,
     fragility_section,
     correlation_section,
+    sobol_section,
     sensitivity_section,
     speed_section,
     warnings_section,

@@ -11,7 +11,8 @@ from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.incremental import ida_curves
-from romdam.postprocess.responses import RUNS, parameters, response_of, turned
+from romdam.postprocess.responses import RUNS, parameters, response_of, responses, turned
+from romdam.postprocess.sobol import BASE_SAMPLES, sobol_indices, sobol_rows
 from romdam.results.suite.rows import AT_THE_END
 from romdam.visual import suite_plots as plots
 from romdam.visual.floor_plots import floor_spectra_of_runs
@@ -27,7 +28,7 @@ from romdam.visual.report.parts import (
     picture,
     side_by_side,
 )
-from romdam.visual.report.subject import Subject, in_unit, plain, responses, runs_text
+from romdam.visual.report.subject import Subject, in_unit, plain, runs_text
 
 _ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a table is shown as 0
 
@@ -202,6 +203,28 @@ def correlation_section(subject: Subject) -> Section | None:
     head = ["measure", f"scale{in_unit(correlated.scale)}", "rank correlation", "correlation of logs"]
     head += ["slope of logs", "dispersion of ln", "records"]
     return Section("correlation", title, [drawings, Table(head, rows)])
+
+
+def sobol_section(subject: Subject) -> Section | None:
+    """Shares of the variance that the parameters make, where the samples are made for them."""
+    if not subject.done or not subject.response or BASE_SAMPLES not in subject.summary.attrs:
+        return None
+    indices = sobol_indices(subject.summary, subject.response)
+    parts: list[Part] = []
+    if indices["first"].notnull().any():
+        largest = indices.isel(scale=int(np.flatnonzero(indices["first"].notnull().any("parameter"))[-1]))
+        scale = f"{float(largest.scale):g}{in_unit(indices.scale)}"
+        caption = f"{plain(subject.response)} at scale {scale}; 95 % by a bootstrap over base samples."
+        parts.append(side_by_side(picture(plots.sobol_figure(largest), caption)))
+    rows = [list[Value](row) for row in sobol_rows(indices)]
+    head = [f"scale{in_unit(indices.scale)}", "parameter", "first order", "total", "base samples"]
+    notes = [
+        "First order is what a parameter does alone, total what it does with all others. Records count "
+        "together. Bounds leave out that Sobol's sequence is better than random samples."
+    ]
+    notes += [f"{indices.attrs['statement'].capitalize()}."] if indices.attrs["statement"] else []
+    parts += [Table(head, rows), *(Text(note, soft=True) for note in notes)]
+    return Section("sobol", "Shares of the variance (Sobol' indices)", parts)
 
 
 def sensitivity_section(subject: Subject) -> Section | None:

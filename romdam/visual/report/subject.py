@@ -11,18 +11,8 @@ import xarray as xr
 
 from romdam.core.display_units import unit_text
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.responses import RUNS
+from romdam.postprocess.responses import responses
 from romdam.results.suite.rows import RunIndex
-
-_NOT_RESPONSES = (
-    "wall_seconds",
-    "cpu_seconds",
-    "steps",
-    "finest_step",
-    "estimated_time_error",
-    "estimated_reduction_error",
-)
-
 
 _COMPRESSIONS = {
     "peak_mean_compressive_stress": "peak compressive stress, mean of a writing interval",
@@ -84,16 +74,6 @@ class Subject:
     def configuration(self) -> dict[str, dict[str, object]]:
         """The validated configuration; empty where the summary has none."""
         return dict(json.loads(str(self.summary.attrs.get("configuration", "{}"))))
-
-
-def responses(summary: xr.Dataset) -> list[str]:
-    """Names of what a run answers with, in the summary's order."""
-    return [
-        str(name)
-        for name, values in summary.data_vars.items()
-        if values.dims[:3] == RUNS and values.dtype.kind == "f"
-        and not {"gap", "floor_frequency"} & {*values.dims} and name not in _NOT_RESPONSES
-    ]  # fmt: skip
 
 
 def values_of(subject: Subject, name: str, keep: bool = False) -> np.ndarray:
