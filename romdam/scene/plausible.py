@@ -23,6 +23,7 @@ _POISSON = (0.05, 0.45)
 _EXTENT = (0.05, 10_000.0)  # of all blocks together [m]
 _SOFT, _STIFF = 1e-3, 1e4  # K_n over E/length of a block, and over E/size of an element
 _SHORT = 1.0  # of the depth: a shorter reservoir is odd
+_DEEP = 0.05  # of the depth, by which the floor may lie below the surface that the record is of
 _SLENDER = 100.0  # ratio of edges from which on an element is told of
 _TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.99  # share of a face from which on a joint covers it
@@ -92,6 +93,15 @@ def odd_remarks(
             f"{water.depth:.4g} m: water shut in so close before the dam moves with it as a reservoir's does "
             "not; three depths are usual"
         )
+    if water and water.sound and water.rock and scene.free_field:
+        foot = min(float(scene.blocks[face.block].points[face.facets, 2].min()) for face in water.faces)
+        below = float(scene.free_field.levels[0]) - foot
+        if below > _DEEP * water.depth:
+            remarks.append(
+                f"water.rock: the dam's foot is {below:.4g} m below the level surface that moves as the "
+                "record does, and beyond the reservoir's far end the floor moves as that surface, not as the rock "
+                "deeper down does; let the reservoir reach three depths upstream"
+            )
     return (*remarks, *_added_up(scene))
 
 

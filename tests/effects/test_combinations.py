@@ -95,10 +95,20 @@ KEYS = {
 }
 
 
+ON_ROCK = "water on rock"  # no effect by itself: the reservoir of others lies on the rock
+
+
 def job(*effects):
-    """A block on rock with mass, one beside it on a support, a mortar joint with friction between them."""
-    asked = {}
+    """A block on rock with mass, one beside it on a support, a mortar joint with friction between them.
+
+    The rock reaches below both, and upstream as far as the water, where that lies on it.
+    """
+    asked, rock = {}, box([0, -2, -4], [4, 8, 4], [2, 4, 2], "rock")
     for name in effects:
+        if name == ON_ROCK:
+            asked["water"]["rock"] = [{"block": "rock", "face": "zmax"}]
+            rock = box([0, -10, -4], [8, 16, 4], [2, 4, 2], "rock")
+            continue
         for section, keys in KEYS[name].items():
             asked[section] = asked.get(section, {}) | keys
     rests = [
@@ -112,7 +122,7 @@ def job(*effects):
             "rock": {"E": 2e9, "nu": 0.25, "rho": 2500.0},
         },
         "blocks": {
-            "rock": box([0, -2, -4], [4, 8, 4], [2, 4, 2], "rock"),
+            "rock": rock,
             "left": box([0, 0, 0], [4, 4, 8], [2, 4, 2]),
             "right": box([4, 0, 0], [4, 4, 8], [2, 4, 8 / 3]),
         },
@@ -144,12 +154,20 @@ def all_modes(K, M, *_):
     return eigh(K.toarray(), M.toarray())
 
 
-@pytest.mark.parametrize("pair", [pair for pair in combinations(KEYS, 2) if frozenset(pair) not in EXCLUDED])
+@pytest.mark.parametrize(
+    "pair",
+    [pair for pair in combinations(KEYS, 2) if frozenset(pair) not in EXCLUDED]
+    + [
+        ("compressible water", ON_ROCK),
+        ("incompressible water", ON_ROCK, "free field"),
+        ("compressible water", ON_ROCK, "free field", "moving supports", "staged weight"),
+    ],
+)
 def test_pair_at_full_order_and_reduced_with_all_modes(pair, monkeypatch):
     """Jumps, displacements and joint forces within 1e-8 of their peaks; ledgers close."""
     monkeypatch.setattr(romdam.effects.compressible_water, "modes_below", all_modes)
     config = parse_config(job(*pair), "s.yaml")
-    assert all(EFFECTS[name].acts(config) for name in pair)
+    assert all(EFFECTS[name].acts(config) for name in pair if name != ON_ROCK)
     scene = build_scene(config, Path(), "s.yaml")
     ratios = "modal damping" in pair  # whose matrix would be full on the mesh
     made = [reduce_scene(scene, ALL_MODES, config.damping).system]
@@ -163,11 +181,13 @@ def test_pair_at_full_order_and_reduced_with_all_modes(pair, monkeypatch):
         assert np.abs(own - mesh).max() <= 1e-8 * np.abs(mesh).max(), name
 
 
-@pytest.mark.parametrize("name", KEYS)
-def test_each_effect_changes_what_happens(name):
+@pytest.mark.parametrize(
+    ("before", "name"), [*(((), name) for name in KEYS), (("compressible water", "free field"), ON_ROCK)]
+)
+def test_each_effect_changes_what_happens(before, name):
     """Nothing is passed over: with the effect the same shaking opens the joint otherwise."""
     jumps = []
-    for effects in ((), (name,)):
+    for effects in (before, (*before, name)):
         config = parse_config(job(*effects), "s.yaml")
         scene = build_scene(config, Path(), "s.yaml")
         system = grouted(reduce_scene(scene, ALL_MODES, config.damping).system, 1e-8)

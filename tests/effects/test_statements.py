@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import yaml
-from test_combinations import DT, job
+from test_combinations import DT, ON_ROCK, job
 
 import romdam
 from romdam.config import load_config, parse_config
@@ -40,6 +40,8 @@ def l2(values, reference):
     [
         ("compressible water",),
         pytest.param(("compressible water", "free field"), marks=pytest.mark.slow),
+        pytest.param(("compressible water", "free field", ON_ROCK), marks=pytest.mark.slow),
+        pytest.param(("compressible water", "moving supports", ON_ROCK), marks=pytest.mark.slow),
         ("compressible water", "moving supports"),
         ("viscous boundary",),
     ],
@@ -67,6 +69,12 @@ def test_estimate_and_certificate_of_coupled_modes_are_near_the_true_error(effec
     [
         (("compressible water",), "damping.rayleigh.ratio", [0.03, 0.1]),
         (("compressible water", "free field"), "joints.joint.friction", [0.1, 0.8]),
+        pytest.param(
+            ("compressible water", "free field", ON_ROCK),
+            "joints.joint.friction",
+            [0.1, 0.8],
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_suite_with_coupled_modes_makes_the_runs_of_jobs(effects, path, values, folder, tmp_path):

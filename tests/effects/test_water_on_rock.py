@@ -20,6 +20,7 @@ from romdam.fem.column import wave_moduli
 from romdam.fem.water.own_mesh import water_body
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.scene.plausible import odd_remarks
 
 C, RHO, H, CUTOFF = 1440.0, 1000.0, 40.0, 100.0
 ROCK = Material(8e9, 0.25, 2500.0)
@@ -113,6 +114,31 @@ def test_meshed_reservoir_on_rock_is_the_prism(tmp_path):
     reduced = moved(reduce_scene(meshed, config.model, config.damping).system)
     assert apart(reduced.disp, moved(one).disp) < 0.01
     assert reduced.stats["ledger_imbalance"] < 1e-10
+
+
+def test_floor_below_the_surface_of_the_record_is_said():
+    """The channel beyond the far end moves as the record does, not as the rock at its depth."""
+    scene, _ = column()
+    field = scene.free_field
+    deep = replace(scene, free_field=replace(field, levels=field.levels + 30.0))
+    said = [[remark for remark in odd_remarks(one, {}) if "far end" in remark] for one in (scene, deep)]
+    assert [len(remarks) for remarks in said] == [0, 1]
+    assert "the dam's foot is 30 m below the level surface" in said[1][0]
+
+
+def test_turned_model_moves_alike():
+    """By 30 degrees about the vertical: the crest's harmonic motion turns with all else."""
+    scene, config = make(**ON_ROCK)
+    angle = np.radians(30.0)
+    R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    blocks = {name: replace(block, points=block.points @ R.T) for name, block in scene.blocks.items()}
+    reservoir = replace(scene.reservoir, upstream=R @ scene.reservoir.upstream)
+    turned = assemble_full(replace(scene, blocks=blocks, reservoir=reservoir), config.damping)
+    system, omega = assemble_full(scene, config.damping), 0.8 * np.pi * C / (2.0 * H)
+    by_axis = np.stack([crest(turned, omega, axis) for axis in range(3)], axis=1)
+    for axis in range(3):
+        exact = R @ crest(system, omega, axis)
+        np.testing.assert_allclose(by_axis @ R[:, axis], exact, atol=1e-9 * np.abs(exact).max())
 
 
 @pytest.mark.parametrize(
