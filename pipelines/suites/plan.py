@@ -36,6 +36,7 @@ from romdam.postprocess.responses import PARAMETER
 from romdam.records.components import check_components
 from romdam.records.record_set import Loaded, usable_apart
 from romdam.results.suite.design import design_dataset, no_factors, scale_count, scale_factors, varied_keys
+from romdam.results.suite.hazard_table import suite_hazard
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row, source_of_rows
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
@@ -111,6 +112,8 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     with clock.stage("design", "reading the samples"):
         places = varied_keys(job, suite)
         design = design_dataset(job, suite, places)
+        if suite.hazard is not None:
+            suite_hazard(suite.hazard, job.folder, str(job.path))
     with clock.stage("records", "reading records"):
         considered: list[Loaded] = []
         records = read_records(job, considered.append)

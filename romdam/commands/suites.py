@@ -43,7 +43,7 @@ def run_suite(
     from romdam.pipelines.suites.run import SuiteOptions
     from romdam.terminal import complain
     from romdam.terminal.lines import failure_lines, suite_warning_lines
-    from romdam.terminal.tables import sobol_tables, suite_table
+    from romdam.terminal.tables import hazard_tables, sobol_tables, suite_table
 
     search_what_comes()
     stages, say = terminal
@@ -52,7 +52,8 @@ def run_suite(
     except KeyboardInterrupt:
         complain("romdam: stopped; what is finished is kept, and goes on when run again")
         raise typer.Exit(STOPPED) from None
-    say(suite_table(outcome.summary), *sobol_tables(outcome.summary))
+    of_samples = (*sobol_tables(outcome.summary), *hazard_tables(outcome.summary))
+    say(suite_table(outcome.summary), *of_samples)
     complain(*suite_warning_lines(outcome.summary, job.config.transient.step_accuracy))
     say(*write_page(job, out, stages))
     return failure_lines(outcome)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from romdam.postprocess.responses import PARAMETER, RUNS
 
 _MAPS = ("gap", "floor_frequency")  # dimensions of what has too many numbers for a row
-_STATISTICS = ("sobol_",)  # beginnings of names of what is of many runs
+_STATISTICS = ("sobol_", "annual_frequency", "hazard_")  # beginnings of names of what is of many runs
 _FIRST = ("scale_factor", "entry_factor", "matched", "status", "message", "file")
 
 

@@ -249,6 +249,27 @@ def sobol_tables(summary: xr.Dataset) -> list[Table]:
     return [table]
 
 
+def hazard_tables(summary: xr.Dataset) -> list[Table]:
+    """Annual frequencies of the levels of a suite's response; none where no hazard is named."""
+    from romdam.postprocess.hazard_of_response import LEVEL, STATEMENT, hazard_rows
+
+    if LEVEL not in summary.coords and STATEMENT not in summary.attrs:
+        return []
+    table = _table("Hazard of the response", (), ())
+    if LEVEL in summary.coords:
+        about = summary[LEVEL].attrs
+        factor, unit = (1e3, "mm") if about["units"] == "m" else (1.0, str(about["units"]))
+        name = str(about["response"]).replace("_", " ")
+        head = ("per year", "return period [years]", "outside the table [%]")
+        table = _table(f"Hazard of {name}, by {about['measure']}", (f"level [{unit}]",), head)
+        table.add_column("")
+        for row in hazard_rows(summary, factor):
+            table.add_row(*row)
+    else:
+        table.caption = str(summary.attrs[STATEMENT])
+    return [table]
+
+
 def certificate_table(statement: Mapping[str, Any]) -> Table:
     """Errors of a certificate in the run, and for the same joint forces; of a sample their intervals."""
     if "within" in statement:

@@ -203,6 +203,17 @@ def sensitivity_figure(strength: xr.Dataset) -> Figure:
     return figure
 
 
+def hazard_figure(summary: xr.Dataset, factor: float, unit: str) -> Figure:
+    """Annual frequency of exceedance against levels of the response, in a unit."""
+    figure, ax = _panel()
+    x, y = factor * summary.hazard_level.values, summary.annual_frequency.values
+    there = y > 0.0
+    ax.plot(x[there], y[there], "o-", ms=4, color=COLOURS[0])
+    ax.set(xscale="log", yscale="log", xlabel=f"{_name(summary.hazard_level.attrs['response'])} [{unit}]")
+    ax.set_ylabel("annual frequency of exceedance")
+    return figure
+
+
 def sobol_figure(indices: xr.Dataset) -> Figure:
     """First-order and total index of every parameter with their bounds, of one scale."""
     figure, ax = _panel(1.3 + 0.45 * indices.sizes["parameter"])

@@ -7,10 +7,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 from suite_jobs import made, write_job
+from summaries import lognormal_curves
 from test_cli import call
 
+import romdam
 from romdam.core.errors import ConfigError
 from romdam.postprocess.hazard import HazardCurve
+from romdam.postprocess.hazard_of_response import with_hazard_of_response
 from romdam.results.suite.hazard_table import read_hazard
 
 
@@ -74,3 +77,89 @@ def test_the_report_has_annual_frequencies(tmp_path):
     call("report", tmp_path / "out", "--threshold", f"{threshold} m", "--hazard", table)
     page = (tmp_path / "out" / "report.html").read_text()
     assert "per year" in page and "outside the hazard" in page and "--hazard" in page
+
+
+CURVE = "intensity [g],annual frequency\n0.01,0.5\n0.1,1e-2\n2,1e-5\n"
+
+
+def test_a_suite_states_the_hazard_of_its_response(tmp_path):
+    """Its levels are those named, in other units; the frequencies follow by independent steps."""
+    (tmp_path / "hazard.csv").write_text(CURVE)
+    hazard = {"table": "hazard.csv", "measure": "pga", "levels": ["4 mm", "0.1 in", "900 mm"]}
+    suite = {"scales": [0.2, 0.5, 1.0, 2.0], "hazard": hazard}
+    config = write_job(tmp_path, records=3, suite=suite)
+    assert romdam.check(config).records
+    said = call("run", config, "--out", tmp_path / "out", "--workers", 1)[1]
+    assert "Hazard of peak opening, by pga" in said and "per year" in said and "2.54" in said
+    summary = romdam.open_suite(tmp_path / "out").to_dataset()
+    assert summary.hazard_level.values == pytest.approx([2.54e-3, 4e-3, 0.9])
+    assert summary.annual_frequency.attrs["units"] == "year-1"
+    assert summary.hazard_frequency.values == pytest.approx([0.5, 1e-2, 1e-5])
+    assert summary.hazard_intensity.values == pytest.approx(np.array([0.01, 0.1, 2]) * 9.80665)
+    for k in (0, 1):
+        theta, beta = float(summary.hazard_median[k]), float(summary.hazard_dispersion[k])
+        # capacities of the three records, in logarithms between two scales: their mean and deviation
+        level = float(summary.hazard_level[k])
+        y, x = summary.peak_opening.values[:, :, 0, 0], summary.record_pga.values
+        capacity = [np.interp(math.log(level), np.log(a), np.log(b)) for a, b in zip(y, x, strict=True)]
+        assert math.log(theta) == pytest.approx(np.mean(capacity), abs=1e-6)
+        assert beta == pytest.approx(np.std(capacity), rel=1e-4)
+
+        def rate(u, theta=theta, beta=beta):
+            slopes = np.diff(np.log([0.5, 1e-2, 1e-5])) / np.diff(np.log([0.01, 0.1, 2]))
+            i = int(u > math.log(0.1 * 9.80665))
+            log_hazard = math.log(1e-2) + slopes[i] * (u - math.log(0.1 * 9.80665))
+            return math.exp(log_hazard) * norm.pdf(u, math.log(theta), beta)
+
+        m = math.log(theta)
+        want = quad(rate, m - 9 * beta, m + 9 * beta, points=[m, math.log(0.980665)], epsabs=1e-14)[0]
+        assert float(summary.annual_frequency[k]) == pytest.approx(want, rel=1e-6)
+    assert np.isnan(summary.annual_frequency[2]) and "no run exceeds" in str(
+        summary.hazard_level_statement.values[2]
+    )
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Hazard of the response" in page and "return period" in page
+    assert "hazard" not in (tmp_path / "out" / "summary.csv").read_text().split("\n")[0]
+
+
+@pytest.mark.parametrize(
+    ("hazard", "part"),
+    [
+        ({"table": "none.csv"}, "none.csv"),
+        ({"table": "hazard.csv", "measure": "pgv"}, "line 2"),
+        (
+            {"table": "hazard.csv", "response": "peak_openings"},
+            "'peak_openings' is no response of a run; take",
+        ),
+        ({"table": "hazard.csv", "levels": ["-3 mm"]}, "suite.hazard.levels[0]: must be above 0"),
+        ({"table": "hazard.csv", "levels": ["3 mm", "0.3 cm"]}, "suite.hazard.levels[1]"),
+        ({"table": "hazard.csv", "levels": ["3 MPa"]}, "suite.hazard.levels[0]"),
+    ],
+)
+def test_wrong_hazards_are_refused_by_check_and_by_run(tmp_path, hazard, part):
+    (tmp_path / "hazard.csv").write_text(CURVE)
+    config = write_job(tmp_path, records=1, suite={"hazard": hazard})
+    for command in (romdam.check, lambda c: romdam.run_suite(c, tmp_path / "out")):
+        with pytest.raises(ConfigError) as told:
+            command(config)
+        assert part in str(told.value)
+
+
+def test_levels_that_nobody_named_lie_within_the_runs_and_a_response_may_be_missing():
+    rng = np.random.default_rng(4)
+    summary = lognormal_curves(rng, 3.0, 0.4, np.geomspace(1.0, 8.0, 8), 40)[0]
+    x = np.array([0.5, 1.0, 4.0])
+    curve = HazardCurve(x, 2e-3 * x**-2.0)
+    found = with_hazard_of_response(summary, curve, "peak_opening", "sa", None)
+    low, high = np.quantile(summary.peak_opening, [0.05, 0.95])
+    levels = found.hazard_level.values
+    assert len(levels) == 12 and levels[0] >= 0.97 * low and levels[-1] <= 1.03 * high
+    assert (np.diff(found.annual_frequency.values) < 0.0).all()
+    # capacities of a level y are theta y^(1/1.3), so frequencies go with y^(-2/1.3)
+    k = int(np.abs(levels - 1.0).argmin())
+    want = 2e-3 * (3.0 * levels[k] ** (1 / 1.3)) ** -2.0 * math.exp(0.5 * (2.0 * 0.4) ** 2)
+    assert float(found.annual_frequency[k]) == pytest.approx(want, rel=0.25)  # 40 records
+    assert (
+        "no run has peak_slip"
+        in with_hazard_of_response(summary, curve, "peak_slip", "sa", None).attrs["hazard_statement"]
+    )

@@ -208,6 +208,23 @@ class DesignTableConfig(Model):
     """CSV file with a column for each parameter."""
 
 
+class HazardConfig(Model):
+    """Annual frequencies at which a response exceeds its levels, from the hazard at the site.
+
+    The table has the columns `intensity [g]`, with its unit, and `annual frequency`. Each level gets a
+    lognormal fragility in the measure of the records, which is integrated over the hazard.
+    """
+
+    table: Path
+    """CSV file with the columns `intensity [g]`, with its unit, and `annual frequency`."""
+    measure: Literal["sa", "pga", "pgv"] = "sa"
+    """Measure of the records that the table is of; sa at `period`, of the components that `of` says."""
+    response: Annotated[str, Field(min_length=1, max_length=60)] = "peak_opening"
+    """Response, a variable of the summary; the largest over joints, nodes and so on."""
+    levels: Annotated[tuple[NumberOrText, ...], Field(min_length=1, max_length=100)] | None = None
+    """Levels of the response; twelve between the 5 and 95 % of the runs if not given."""
+
+
 class KeepConfig(Model):
     """Histories at an interval, in single precision unless asked otherwise."""
 
@@ -245,6 +262,7 @@ class SuiteConfig(Model):
     """Design of the samples of the parameters: the full grid of values, a Latin hypercube, independent
     samples, those of Sobol' indices, or a table."""
     correlation: CorrelationConfig | None = None
+    hazard: HazardConfig | None = None
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),

@@ -1,20 +1,71 @@
-"""The table of a hazard curve."""
+"""The hazard that a suite names: its table, and the levels of the response."""
 
 from __future__ import annotations
 
 import csv
+import difflib
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from romdam.config.quantities import to_si
-from romdam.core.errors import ConfigError, quote
+from romdam.config.quantities import refuse_bare, to_si
+from romdam.config.sections.suite import HazardConfig
+from romdam.core.errors import ConfigError, listed, quote
 from romdam.core.files import check_file
 from romdam.postprocess.hazard import HazardCurve
+from romdam.results.suite.rows import ROWS
 
 _MOST = 1e6  # bytes of a table
 _FEWEST = 2  # rows
+
+
+@dataclass(frozen=True)
+class SuiteHazard:
+    """Hazard of a suite: its curve, the measure it is of, the response, and its levels [SI] or None."""
+
+    curve: HazardCurve
+    measure: str
+    response: str
+    levels: tuple[float, ...] | None
+
+
+def suite_hazard(config: HazardConfig, folder: Path, source: str) -> SuiteHazard:
+    """Read the hazard of a suite.
+
+    Parameters
+    ----------
+    folder : where its relative path starts
+    source : name of the configuration file, for messages
+
+    Raises
+    ------
+    ConfigError
+        for a table that is none, a response that no run has, and levels that are none of it.
+    """
+    where = f"{source}: suite.hazard"
+    known = [name for name in ROWS if not {"gap", "floor_frequency"} & {*ROWS[name].dims}]
+    if config.response not in known:
+        near = difflib.get_close_matches(config.response, known, n=3) or known
+        raise ConfigError(
+            f"{where}.response: {quote(config.response)} is no response of a run; take {listed(near)}"
+        )
+    curve = read_hazard(folder / config.table, "m/s" if config.measure == "pgv" else "m/s^2")
+    levels = None
+    if config.levels is not None:
+        units, values = ROWS[config.response].units, list[float]()
+        for k, level in enumerate(config.levels):
+            try:
+                values.append(to_si(level, units))
+                if isinstance(level, str):
+                    refuse_bare(level, units)
+            except ValueError as error:
+                raise ConfigError(f"{where}.levels[{k}]: {error}") from None
+            if values[-1] <= 0.0 or values[-1] in values[:-1]:
+                raise ConfigError(f"{where}.levels[{k}]: must be above 0 and once there, got {quote(level)}")
+        levels = tuple(sorted(values))
+    return SuiteHazard(curve, config.measure, config.response, levels)
 
 
 def read_hazard(path: Path, units: str) -> HazardCurve:

@@ -25,12 +25,14 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.postprocess.hazard_of_response import with_hazard_of_response
 from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
 from romdam.postprocess.responses import RUNS
 from romdam.postprocess.sobol import BASE_SAMPLES, with_sobol_indices
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
+from romdam.results.suite.hazard_table import suite_hazard
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, RunIndex, attributes_of, dims_of
 from romdam.results.variables import COORDINATES
 
@@ -146,7 +148,12 @@ def summary_dataset(
     }
     attributes |= {name: design.attrs[name] for name in (BASE_SAMPLES,) if name in design.attrs}
     dataset = xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
-    return with_sobol_indices(dataset)
+    dataset = with_sobol_indices(dataset)
+    stated = suite_of(job).hazard
+    if stated is None:
+        return dataset
+    hazard = suite_hazard(stated, job.folder, str(job.path))
+    return with_hazard_of_response(dataset, hazard.curve, hazard.response, hazard.measure, hazard.levels)
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.hazard import HazardCurve
+from romdam.postprocess.hazard_of_response import LEVEL, STATEMENT, hazard_rows
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of, responses, turned
 from romdam.postprocess.sobol import BASE_SAMPLES, sobol_indices, sobol_rows
@@ -174,6 +175,26 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray, hazard: Hazar
     if not any(row[-1] for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]
     return Table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
+
+
+def hazard_section(subject: Subject) -> Section | None:
+    """Annual frequency at which the response exceeds its levels, of a suite that names a hazard."""
+    summary = subject.summary
+    title = "Hazard of the response"
+    if STATEMENT in summary.attrs:
+        return Section("hazard", title, [Text(f"No frequencies: {summary.attrs[STATEMENT]}.")])
+    if LEVEL not in summary.coords:
+        return None
+    about = summary[LEVEL].attrs
+    factor, unit = plots.display_unit(summary[LEVEL], str(about["units"]))
+    head = [f"level [{unit}]", "per year", "return period [years]", "outside the hazard's table [%]", "note"]
+    rows = [list[Value](row) for row in hazard_rows(summary, factor)]
+    parts: list[Part] = []
+    if (summary.annual_frequency > 0.0).any():
+        caption = f"Annual frequency at which {plain(str(about['response']))} exceeds a level."
+        parts.append(side_by_side(picture(plots.hazard_figure(summary, factor, unit), caption)))
+    note = "The fragility of each level is lognormal; its uncertainty is not part of the frequency."
+    return Section("hazard", title, [*parts, Table(head, rows), Text(note, soft=True)])
 
 
 def correlation_section(subject: Subject) -> Section | None:
