@@ -99,8 +99,8 @@ def odd_remarks(
         if below > _DEEP * water.depth:
             remarks.append(
                 f"water.rock: the dam's foot is {below:.4g} m below the level surface that moves as the "
-                "record does, and beyond the reservoir's far end the floor moves as that surface, not as rock "
-                "deeper down does; let the reservoir reach three depths upstream"
+                "record does, and beyond the reservoir's far end the floor moves as that surface, not as "
+                "rock deeper down does; let the reservoir reach three depths upstream"
             )
     return (*remarks, *_added_up(scene))
 
