@@ -215,7 +215,7 @@ def mappings() -> list[tuple[Node, list[str]]]:
             found.setdefault(id(node), (node, []))[1].append(path)
             keys = {} if known else node["properties"]
             # motions of supports last: most of their keys are those of `records`
-            for name, key in sorted(keys.items(), key=lambda item: item[0] == "supports"):
+            for name, key in sorted(keys.items(), key=lambda item: item[0] in ("ground", "supports")):
                 visit(key, f"{path}.{name}" if path else name)
             return
         for inner, many in _inner(node):

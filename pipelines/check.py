@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, located, naming_lines
@@ -70,6 +70,8 @@ class Check:
     ties : name -> plain numbers (blocks, nodes, discretization, largest distance of the faces [m])
     solvers : sentences on parts that are solved by multigrid, as factors do not fit
     skipped : what a run looks at and this does not
+    supports : name of each motion that supports have besides the base's -> plain numbers (where a station is
+        [m], delay [s], factor, record)
     """
 
     blocks: dict[str, dict[str, object]]
@@ -84,6 +86,7 @@ class Check:
     ties: dict[str, dict[str, object]]
     solvers: tuple[str, ...]
     skipped: tuple[str, ...]
+    supports: dict[str, dict[str, object]] = field(default_factory=dict)
 
     @property
     def seconds(self) -> float:
@@ -255,6 +258,15 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         },
         solvers=tuple(filter(None, _solvers(job, model))),
         skipped=tuple(_skipped(asked, model, bool(closed), bool(costs))),
+        supports={
+            motion.name: {
+                "station": motion.station,
+                "delay": motion.delay,
+                "factor": motion.factor,
+                "record": None if motion.record is None else motion.record.name,
+            }
+            for motion in (() if scene.moving is None else scene.moving.motions)
+        },
     )
 
 

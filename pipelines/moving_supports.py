@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from romdam.config.load import Job
+from romdam.config.sections.motion_along import StationConfig
+from romdam.config.sections.supports import SupportMotionConfig
 from romdam.core.errors import ConfigError
-from romdam.core.motion import GroundMotion
+from romdam.core.motion import GroundMotion, SupportMotion
 from romdam.core.scene import Scene
 from romdam.records.processing.support_motions import refuse_drift
 from romdam.records.record_set import load_motions
@@ -27,17 +29,25 @@ def scene_of(job: Job) -> Scene:
         return scene
     motions = []
     for motion in scene.moving.motions:
-        entry = job.config.supports[motion.support].motion
+        entry: SupportMotionConfig | StationConfig | None = (
+            job.config.supports[motion.support].motion if motion.station is None else _station(job, motion)
+        )
         if entry is None or entry.record is None:
             motions.append(motion)
             continue
-        location = f"{job.path}: {motion.name}.motion.record"
+        location = f"{job.path}: {motion.key}.record"
         records = load_motions([entry.record], job.folder)
         if len(records) != 1:
             raise ConfigError(f"{location}: a support has one record, got {len(records)}; name one file")
         refuse_drift(records[0], location)
         motions.append(replace(motion, record=records[0]))
     return replace(scene, moving=replace(scene.moving, motions=tuple(motions)))
+
+
+def _station(job: Job, motion: SupportMotion) -> StationConfig | None:
+    """The entry of a station; None of a wave's."""
+    stations = () if job.config.ground.along is None else job.config.ground.along.stations
+    return stations[motion.support] if stations else None
 
 
 def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:
@@ -50,11 +60,16 @@ def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:
     ConfigError
         for several where a support has its own record.
     """
-    moving = [support.motion for support in job.config.supports if support.motion is not None]
+    moving: list[SupportMotionConfig | StationConfig] = [
+        support.motion for support in job.config.supports if support.motion is not None
+    ]
+    along = job.config.ground.along
+    if along is not None:
+        moving += along.stations
     if any(support_motion.record is not None for support_motion in moving) and len(motions) > 1:
         raise ConfigError(
-            f"{job.path}: supports: a support's own record goes with one record, and `records` has "
+            f"{job.path}: a support's or station's own record goes with one record, and `records` has "
             f"{len(motions)}; name one, or give `delay` and `factor`"
         )
-    for motion in motions if moving else ():
+    for motion in motions if moving or along is not None else ():
         refuse_drift(motion, f"{job.path}: records")

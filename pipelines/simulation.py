@@ -17,6 +17,7 @@ from romdam.core.system import History, System
 from romdam.error.estimate import FinerModel
 from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.force_rows import add_force_rows, force_warnings, step_of_signals
+from romdam.records.processing.incoherence import incoherent_motions
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
 from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.synthesis import DryModel, ReducedModel
@@ -242,6 +243,13 @@ def ground_at_steps(
         acc = cut_or_extended(acc, round(duration / dt) + 1)
     if system is None:
         return acc
-    moving = system.pseudo_static
-    ground = acc if moving is None else add_support_rows(acc, dt, moving.motions)
+    moving, ground = system.pseudo_static, acc
+    if moving is not None:
+        at_stations = None
+        if moving.incoherence is not None:
+            at_stations = [
+                cut_or_extended(resample_motion(replace(motion, acc=own), dt), acc.shape[1])
+                for own in incoherent_motions(motion, moving.incoherence)
+            ]
+        ground = add_support_rows(acc, dt, moving.motions, at_stations)
     return add_force_rows(ground, dt, system.signals)

@@ -32,6 +32,7 @@ EFFECTS = {
     "moving supports": EffectEntry(
         "supports[].motion", lambda config: any(one.motion is not None for one in config.supports)
     ),
+    "motion along": EffectEntry("ground.along", lambda config: config.ground.along is not None),
     "Westergaard's added mass": EffectEntry("water.model: westergaard", _has_water("westergaard")),
     "incompressible water": EffectEntry("water.model: incompressible", _has_water("incompressible")),
     "compressible water": EffectEntry("water.model: compressible", _has_water("compressible")),
@@ -55,9 +56,21 @@ FREE_FIELD_WITH_RATIOS = (
 _ONE_RESERVOIR = "water.model: a scene has one reservoir, whose water has one model; choose one of the three"
 _WATERS = "Westergaard's added mass", "incompressible water", "compressible water"
 
-EXCLUDED = {frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS} | {
-    frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)
-}
+EXCLUDED = {
+    frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
+    frozenset({"motion along", "moving supports"}): (
+        "ground.along: moves all supports by their position, and supports[].motion one of them; give one of "
+        "the two (a station may have its own delay, factor or record)"
+    ),
+    frozenset({"motion along", "free field"}): (
+        "ground.along: the waves of ground.input: free_field come straight up, at all places at once; give "
+        "ground.input: uniform with rock that is held at its boundary, or leave `along` out"
+    ),
+    frozenset({"motion along", "viscous boundary"}): (
+        "ground.along: rock beyond viscous faces moves as the record everywhere; hold the rock at its "
+        "boundary (ground.viscous left out, of an arch dam rock.boundary: fixed), or leave `along` out"
+    ),
+} | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 
 def refuse_excluded(config: Config) -> None:

@@ -15,6 +15,7 @@ _WITHOUT = {
     "viscous boundary": f"{_COUPLED}; fix the rock at its boundary, with `mass: false`",
     "free field": f"{_COUPLED}; set ground.input: uniform",
     "moving supports": "has several motions of the ground, and a response spectrum is of one; leave it out",
+    "motion along": "has several motions of the ground, and a response spectrum is of one; leave it out",
     "force histories": "is a force in time, which no response spectrum knows; leave it out",
 }
 

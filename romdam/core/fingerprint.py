@@ -111,6 +111,8 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
             for motion in scene.moving.motions
         ]
         moving = motions, scene.moving.components
+        if scene.moving.shares:
+            moving = *moving, scene.moving.shares, scene.moving.incoherence
     return joints, rest | {"moving": moving}
 
 

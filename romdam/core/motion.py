@@ -18,6 +18,7 @@ from romdam.core.html.card import card
 
 if TYPE_CHECKING:
     import xarray as xr
+    from scipy.sparse import csr_matrix
 
 AXES = ("x", "y", "z")
 
@@ -314,21 +315,46 @@ class SupportMotion:
 
     Attributes
     ----------
-    support : number of the first entry of `supports` that moves so
+    support : number of the first entry of `supports` that moves so, or of the station
     delay : [s]
-    factor : of all components
+    factor : of all components, or of x, y and z
     record : in place of delay and factor
+    station : coordinate of a station of `ground.along`, of all supports nearby; None of a support [m]
     """
 
     support: int
     delay: float = 0.0
-    factor: float = 1.0
+    factor: float | tuple[float, float, float] = 1.0
     record: GroundMotion | None = None
+    station: float | None = None
 
     @property
     def name(self) -> str:
         """The key of that entry."""
-        return f"supports[{self.support}]"
+        return f"supports[{self.support}]" if self.station is None else f"station {self.support}"
+
+    @property
+    def key(self) -> str:
+        """The key that asks for the motion, and its record's is in."""
+        if self.station is None:
+            return f"supports[{self.support}].motion"
+        return f"ground.along.stations[{self.support}]"
+
+
+@dataclass(frozen=True)
+class Incoherence:
+    """Random part of the motion at stations, see `romdam.records.processing.incoherence`.
+
+    Attributes
+    ----------
+    distance : (k,) coordinates of the stations from where the motion is the record [m]
+    loss : alpha / shear velocity of the coherency exp(-(loss omega d)^2) [s/m]
+    seed : of the random numbers
+    """
+
+    distance: Floats
+    loss: float
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -339,10 +365,15 @@ class MovingSupports:
     ----------
     motions : those that differ from each other
     components : block name -> (n, 3) number of the motion that a component has; -1 where it has none
+    shares : block name -> (n, motions) sparse shares of the motions in that of a node, all held components
+        alike, where motions are of stations; no block where they are not
+    incoherence : random part of the stations' motions; None without
     """
 
     motions: tuple[SupportMotion, ...]
     components: dict[str, Ints]
+    shares: dict[str, csr_matrix] = field(default_factory=dict)
+    incoherence: Incoherence | None = None
 
 
 @dataclass(frozen=True)

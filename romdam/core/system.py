@@ -14,7 +14,7 @@ from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.motion import ForceSignal, Motion, SupportMotion, ground_rows
+from romdam.core.motion import ForceSignal, Incoherence, Motion, SupportMotion, ground_rows
 from romdam.core.recorded import GapQuantities
 
 if TYPE_CHECKING:
@@ -296,6 +296,7 @@ class PseudoStatic:
     at_point : (directions * ng, m) what jumps at the gaps' positions are more; None where nothing
     observe : (rows of `System.observe`, m) what is observed of it
     stiffness : (m, m) u_s^T K u_s, of its strain energy [N/m]
+    incoherence : random part of the motions; None without
     """
 
     motions: tuple[SupportMotion, ...]
@@ -304,6 +305,7 @@ class PseudoStatic:
     at_point: Floats | None
     observe: Floats
     stiffness: Floats
+    incoherence: Incoherence | None = None
 
     def motion(self, ground: Floats) -> tuple[Floats, Floats, Floats]:
         """Acceleration, velocity and displacement (m, nt) of the supports, of a run's ground motion."""

@@ -8,6 +8,9 @@ neither does the mass-proportional part, nor modal ratios: a structure that is c
 What else has inertia or damping acts on all of the displacement, and so adds loads that follow the supports:
 water their acceleration or velocity, dashpots of viscous faces their velocity.
 
+Motion by position has d of a few stations and shares of them at every node of a support (`ground.along`): u_s
+is then the answer to the shares of each station, and sums to a unit displacement of all.
+
 References
 ----------
 Chopra, Dynamics of Structures, section 9.7; Clough, Penzien, Dynamics of Structures, section 26-2.
@@ -100,6 +103,7 @@ def pseudo_static(
         at_point=None if more is None else applied(more, shapes),
         observe=np.vstack([np.zeros((0, 3 * len(scene.moving.motions))), *rows]),
         stiffness=sum(u.T @ (assembly.matrices(name)[0] @ u) for name, u in shapes.items()),
+        incoherence=scene.moving.incoherence,
     )
 
 
@@ -117,11 +121,16 @@ def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> d
         node, axis = np.nonzero(scene.moving.components[name] >= 0)
         motion = scene.moving.components[name][node, axis]
         held[3 * part.number[name][node] + axis, 3 * motion + axis] = 1.0
+        if name in scene.moving.shares:
+            node, axis = np.nonzero(scene.fixed[name])
+            columns = 3 * np.arange(len(scene.moving.motions)) + axis[:, None]
+            rows = 3 * part.number[name][node] + axis
+            held[rows[:, None], columns] = scene.moving.shares[name][node].toarray()
     moved, free = held[:size].copy(), ~part.fixed(scene.fixed).ravel()
     if held.any() and free.any():
         if not part.stands_free(scene):
             raise ConfigError(
-                f"{scene.moving.motions[0].name}.motion: part {part.name!r} is carried by supports that "
+                f"{scene.moving.motions[0].key}: part {part.name!r} is carried by supports that "
                 "leave it a rigid motion, limit 0: where they carry it is undetermined; hold more of its "
                 "components"
             )

@@ -100,6 +100,10 @@ class Case:
         """Tell whether supports move differently from the base."""
         return self.scene.moving is not None
 
+    def has_stations(self) -> bool:
+        """Tell whether supports move by their position."""
+        return self.scene.moving is not None and bool(self.scene.moving.shares)
+
     def has_force_histories(self) -> bool:
         """Tell whether forces vary in time."""
         return bool(self.scene.force_histories)

@@ -26,6 +26,15 @@ def _moving_supports(case: Case) -> Array:
     return np.array([motion.name for motion in case.scene.moving.motions], dtype=str)
 
 
+def _of_motions(name: str) -> Callable[[Case], Array]:
+    def get(case: Case) -> Array:
+        assert case.scene.moving is not None
+        values = [getattr(motion, name) for motion in case.scene.moving.motions]
+        return np.array([np.nan if value is None else value for value in values], dtype=float)
+
+    return get
+
+
 def _at_probes(name: str) -> Callable[[Case], Array]:
     def get(case: Case) -> Array:
         values: Array = getattr(case.history, name)
@@ -164,9 +173,23 @@ COORDINATES: dict[str, Variable] = {
     "support": Variable(
         ("support",),
         "",
-        "first entry of `supports` with the motion",
+        "first entry of `supports` with the motion, or station of `ground.along`",
         _moving_supports,
         Case.has_moving_supports,
+    ),
+    "station_coordinate": Variable(
+        ("support",),
+        "m",
+        "coordinate of the station along `ground.along`",
+        _of_motions("station"),
+        Case.has_stations,
+    ),
+    "support_delay": Variable(
+        ("support",),
+        "s",
+        "delay of the station behind the record",
+        _of_motions("delay"),
+        Case.has_stations,
     ),
     "force_history": Variable(
         ("force_history",),

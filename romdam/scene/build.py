@@ -31,6 +31,7 @@ from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.sizes import refuse_large
 from romdam.scene.force_histories import build_force_histories
 from romdam.scene.ground.free_field import free_field
+from romdam.scene.ground.motion_along import along_remarks, motion_along
 from romdam.scene.ground.moving_supports import moving_supports
 from romdam.scene.ground.viscous import rock_of, with_viscous_faces
 from romdam.scene.initial_state import read_initial_state
@@ -149,7 +150,9 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"
         ),
-        moving=moving_supports(config.supports, blocks, rigid, source),
+        moving=moving_supports(config.supports, blocks, rigid, source)
+        if config.ground.along is None
+        else motion_along(config.ground.along, blocks, fixed, supported, f"{source}: ground.along"),
         force_histories=build_force_histories(config.loads.force_history, blocks, fixed, folder, source),
     )
     refuse_unreached(scene, supported, source)
@@ -165,6 +168,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         *files.remarks,
         *files.unused(),
         *odd_remarks(scene, materials, config.dam.joint_pairs if config.dam else ()),
+        *along_remarks(scene, config.ground.along),
     )
     top = max(float(block.points[:, 2].max()) for block in blocks.values())
     overtopped = [

@@ -121,6 +121,15 @@ def check_document(check: Check, config: Path) -> Document:
             }
             for name, record in check.records.items()
         },
+        "supports": {
+            name: {
+                "station_m": motion["station"],
+                "delay_s": motion["delay"],
+                "factor": motion["factor"],
+                "record": motion["record"],
+            }
+            for name, motion in check.supports.items()
+        },
         "without_factors": check.solvers,
         "warnings": check.warnings,
         "not_checked": check.skipped,

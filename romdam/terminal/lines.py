@@ -37,11 +37,25 @@ def check_lines(check: Check) -> list[str]:
             else []
         ),
         *check.solvers,
+        *_support_lines(check),
         f"{check.unknowns} unknowns; {time_text}, "
         f"{check.memory / 1e6:.0f} MB of memory, up to {check.file_size / 1e6:.0f} MB of results",
         *(f"warning: {text}" for text in check.warnings),
         *(f"not checked: {text}" for text in check.skipped),
     ]
+
+
+def _support_lines(check: Check) -> list[str]:
+    """Motions that supports have besides the base's: where, how late, how strong."""
+    lines = []
+    for name, motion in check.supports.items():
+        where = "" if motion["station"] is None else f" at {motion['station']:.6g} m"
+        how = f"record {motion['record']}"
+        if motion["record"] is None:
+            how = f"{motion['delay']:.4g} s later, factor {motion['factor']}"
+        lines.append(f"{name}{where}: {how}")
+    most = 12  # a wave may have 40 stations
+    return lines if len(lines) <= most else [*lines[: most - 2], f"... {len(lines)} in all", lines[-1]]
 
 
 def failure_lines(outcome: SuiteOutcome) -> list[str]:

@@ -429,6 +429,18 @@ def _total() -> dict[str, Any]:
     }
 
 
+def _along(**along: Any) -> dict[str, Any]:
+    keys = ("materials", "blocks", "supports", "damping", "records")
+    raw = {key: copy.deepcopy(_TWO[key]) for key in keys}
+    return raw | {
+        "ground": {"along": {"axis": "y"} | along},
+        "joints": {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
+        "model": {"modes": 2},
+        "transient": {"finest_step": 0.01},
+        "outputs": {"plots": False},
+    }
+
+
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
     "arch": _arch(),
@@ -438,6 +450,15 @@ BASES: dict[str, dict[str, Any]] = {
     "waves": _waves(),
     "matrices": _matrices(),
     "total": _total(),
+    "stations": _along(
+        stations=[{"at": -4.0, "delay": 0.01}, {"at": 9.0, "factor": [1.0, 1.2, 0.9]}], beyond="hold"
+    ),
+    "wave": _along(
+        velocity="900 m/s",
+        start="-5 m",
+        cutoff=20.0,
+        incoherence={"alpha": 0.2, "shear_velocity": "700 m/s", "seed": 3},
+    ),
 }
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from romdam.config.base import Model
 from romdam.config.quantities import Length
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
+from romdam.config.sections.motion_along import MotionAlongConfig
 from romdam.config.sections.places import FaceRef
 
 
@@ -44,6 +45,8 @@ class GroundConfig(Model):
     """Names of blocks of rock besides those with viscous faces."""
     surface: Length | None = None
     """Elevation of the level surface; the highest point of the rock at its sides if not given."""
+    along: MotionAlongConfig | None = None
+    """Motion of all supports by their position, where it is not the record everywhere."""
 
     @model_validator(mode="after")
     def _surface_of_a_field(self) -> Self:

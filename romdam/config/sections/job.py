@@ -332,7 +332,7 @@ class Config(Model):
         refuse_wrong_ground(self.ground, self.arch_dam)
         refuse_coupled(coupling(self), self.transient.integrator, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
-        refuse_wrong_motions(self.supports, self.transient, several)
+        refuse_wrong_motions(self.supports, self.ground.along, self.transient, several)
         for name, block in self.blocks.items():
             self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):

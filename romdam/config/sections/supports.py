@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 
 from romdam.config.base import Model
 from romdam.config.quantities import Dimensionless, Time
+from romdam.config.sections.motion_along import MotionAlongConfig
 from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import Axis, FaceRef
 from romdam.config.sections.transient import TransientConfig
@@ -50,30 +51,40 @@ class SupportConfig(Model):
 
 
 def refuse_wrong_motions(
-    supports: Sequence[SupportConfig], transient: TransientConfig, several: bool
+    supports: Sequence[SupportConfig],
+    along: MotionAlongConfig | None,
+    transient: TransientConfig,
+    several: bool,
 ) -> None:
     """Raise where supports of their own motion meet an integrator that knows one motion of the base only.
 
     Parameters
     ----------
+    along : motion by position, of all supports
     several : whether there is more than one entry of records, or a suite
 
     Raises
     ------
     ValueError
     """
-    moving = {
-        f"supports[{i}].motion": support.motion
+    has_record = {
+        f"supports[{i}].motion": support.motion.record is not None
         for i, support in enumerate(supports)
         if support.motion is not None
     }
-    for key, motion in moving.items():
+    if along is not None:
+        has_record |= {"ground.along": False}
+        has_record |= {
+            f"ground.along.stations[{k}]": station.record is not None
+            for k, station in enumerate(along.stations)
+        }
+    for key, with_record in has_record.items():
         if transient.integrator == "conserving":
             raise ValueError(
                 f"{key}: transient.integrator: conserving knows one motion of the base; take adaptive, "
                 "modal or generalized_alpha"
             )
-        if motion.record is not None and several:
+        if with_record and several:
             raise ValueError(
                 f"{key}.record: goes with one record, and there are several entries of `records`, or a "
                 "suite; give one and pipeline: run, or `delay` and `factor`"

@@ -21,13 +21,17 @@ _DRIFT = 0.1  # of the peak velocity, at the end: a record that is corrected has
 
 
 def add_support_rows(
-    acc: NDArray[np.float64], dt: float, motions: Sequence[SupportMotion]
+    acc: NDArray[np.float64],
+    dt: float,
+    motions: Sequence[SupportMotion],
+    at_stations: Sequence[NDArray[np.float64]] | None = None,
 ) -> NDArray[np.float64]:
     """Add to a ground acceleration what supports move against it.
 
     Parameters
     ----------
     acc : (3, nt) of the base [m/s2]
+    at_stations : (3, nt) for each motion, what it delays and multiplies; that of the base if not given [m/s2]
 
     Returns
     -------
@@ -37,12 +41,13 @@ def add_support_rows(
         return acc
     time = np.arange(acc.shape[1]) * dt
     relative = []  # acceleration of each support against the base, (3, nt) [m/s2]
-    for motion in motions:
+    for k, motion in enumerate(motions):
         if motion.record is not None:
             support_acc = cut_or_extended(resample_motion(motion.record, dt), acc.shape[1])
         else:
-            delayed = [np.interp(time - motion.delay, time, row, left=0.0) for row in acc]
-            support_acc = motion.factor * np.stack(delayed)
+            rows = acc if at_stations is None else at_stations[k]
+            delayed = [np.interp(time - motion.delay, time, row, left=0.0) for row in rows]
+            support_acc = np.reshape(motion.factor, (-1, 1)) * np.stack(delayed)
         relative.append(support_acc - acc)
     against = np.concatenate(relative)
     return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])

@@ -47,6 +47,8 @@ def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object,
     waves = () if scene.free_field is None else (scene.free_field,)
     moved = [] if scene.moving is None else [scene.moving.components[name] for name in mesh_part.blocks]
     carried = (moved,) if any((number >= 0).any() for number in moved) else ()
+    shares = {} if scene.moving is None else scene.moving.shares
+    carried += tuple(shares[name] for name in mesh_part.blocks if name in shares)
     matrices = [m for name in mesh_part.blocks if (m := scene.blocks[name].matrices) is not None]
     water = (wet,) if choice.finer and wet is not None else ()
     loads = substructure.operator, substructure.static_forces
