@@ -166,9 +166,9 @@ def make_plan(job: Job, clock: Clock) -> Plan:
 
 
 def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) -> tuple[Scene, ...]:
-    """The scenes at the lowest and the highest level that samples have, built anew.
+    """The scenes at the lowest and the highest level and temperature that samples have, built anew.
 
-    So a level that a run would refuse is refused here, and the basis answers the water's loads at both. Where
+    So one that a run would refuse is refused here, and the basis answers the loads at both. Where
     the modulus scales loads by temperature beside others, that of the largest is there too.
 
     Raises
@@ -185,7 +185,7 @@ def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) ->
         )
     numbers = list[int]()
     for name in samples.structural:
-        if samples.places[name].is_level:
+        if samples.places[name].is_load:
             numbers += [int(columns[name].argmin()), int(columns[name].argmax())]
         elif samples.places[name].keys == ("E",) and job.config.loads.temperature:
             numbers.append(int(columns[name].argmax()))

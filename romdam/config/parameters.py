@@ -17,6 +17,7 @@ from romdam.config.explain import explain
 from romdam.config.sections.job import Config, DampingConfig, MaterialConfig, RayleighConfig
 from romdam.config.sections.joint_laws import annotation
 from romdam.config.sections.joints import JointConfig
+from romdam.config.sections.loads import TemperatureConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import law_order
@@ -27,7 +28,8 @@ Section = TypeVar("Section", bound=Model)
 
 _UDUNITS = {"": "1", "m/s": "m s-1", "N/m": "N m-1", "N/m^3": "N m-3", "N*s/m^3": "N s m-3", "1/s": "s-1"}
 _GAP = Parameter("gap", "m", least=-math.inf)
-_STRUCTURE = {"E": "Pa", "rho": "kg m-3", "level": "m"}
+_STRUCTURE = {"E": "Pa", "rho": "kg m-3", "level": "m", "change": "K"}
+_OWNERS: dict[str, type[Model]] = {"level": WaterConfig, "change": TemperatureConfig}
 _DAMPING = {"rayleigh.ratio": "1", "rayleigh.alpha": "s-1", "rayleigh.beta": "s", "modal": "1"}
 
 
@@ -68,6 +70,11 @@ class VariedKey:
     structure: tuple[str, ...] = ()
 
     @property
+    def is_load(self) -> bool:
+        """Tell whether it changes a load, a level of water or a temperature."""
+        return bool(self.structure) and self.keys[0] in ("level", "change")
+
+    @property
     def is_level(self) -> bool:
         """Tell whether it is a level of water."""
         return bool(self.structure) and self.keys == ("level",)
@@ -102,6 +109,9 @@ def structure_places(config: Config) -> dict[str, float]:
     for section in ("hydrostatic", "joint_water"):
         for k, load in enumerate(getattr(config.loads, section)):
             places[f"loads.{section}.{k}.level"] = load.level
+    for k, temperature in enumerate(config.loads.temperature):
+        if temperature.change is not None:
+            places[f"loads.temperature.{k}.change"] = temperature.change
     return places
 
 
@@ -243,8 +253,9 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
     return (
         f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key>, damping.<key>, "
-        "materials.<name>.E or .rho, water.level, loads.hydrostatic.<number>.level or "
-        "loads.joint_water.<number>.level, and run one suite for each value of the rest"
+        "materials.<name>.E or .rho, water.level, loads.hydrostatic.<number>.level, "
+        "loads.joint_water.<number>.level or loads.temperature.<number>.change (of no table), and run one "
+        "suite for each value of the rest"
     )
 
 
@@ -275,7 +286,7 @@ def _adapter(key: VariedKey) -> TypeAdapter[Any]:
         return TypeAdapter(annotation(key.parameter))
     owner: type[Model] = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
     if key.structure:
-        owner = WaterConfig if key.is_level else MaterialConfig
+        owner = _OWNERS.get(key.keys[0], MaterialConfig)
     field = owner.model_fields[key.keys[-1]]
     kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
     return TypeAdapter(kind)
@@ -322,7 +333,7 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
 
 
 def _with_structure(config: Config, structure: Mapping[str, float]) -> Config:
-    """The configuration with other materials and levels."""
+    """The configuration with other materials, levels and temperatures."""
     if not structure:
         return config
     materials, loads, water = dict(config.materials), config.loads, config.water
@@ -337,7 +348,7 @@ def _with_structure(config: Config, structure: Mapping[str, float]) -> Config:
         else:
             kind, number = name.split(".")
             entries = list(getattr(loads, kind))
-            entries[int(number)] = entries[int(number)].model_copy(update={"level": value})
+            entries[int(number)] = entries[int(number)].model_copy(update={key: value})
             loads = loads.model_copy(update={kind: tuple(entries)})
     return config.model_copy(update={"materials": materials, "loads": loads, "water": water})
 

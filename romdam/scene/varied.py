@@ -1,4 +1,4 @@
-"""The scene of a sample: other materials and levels of water on the same meshes."""
+"""The scene of a sample: other materials, levels of water and temperatures on the same meshes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SAME = 1e-12  # relative, of two factors that are one
 
 
 def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
-    """A scene with the materials and the levels of another configuration, which differs in nothing else.
+    """A scene with the materials, levels and temperatures of another configuration, else the same.
 
     It is what `romdam.scene.build.build_scene` makes of that configuration, without meshing or searching,
     once joints of an automatic stiffness get it by `romdam.scene.joints.with_properties`.
@@ -58,7 +58,15 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
             joint = replace(joint, water=np.zeros(len(joint.area)), uplift=None, laws=dry)
             location = f"{source}: loads.joint_water[{k}]"
             joints[name] = with_water(joint, wet, blocks, config.loads.gravity_of_water, location)
-    return replace(scene, blocks=blocks, joints=joints, reservoir=reservoir, water=tuple(water))
+    warmed = dict(scene.warmed)
+    expanding = [name for name, block in blocks.items() if block.material.expansion > 0.0]
+    for temperature in config.loads.temperature:
+        if temperature.change is not None:
+            warmed |= dict.fromkeys(temperature.blocks or expanding, temperature.change)
+    warmed = {name: warmed[name] for name in blocks if np.any(warmed.get(name, 0.0))}
+    return replace(
+        scene, blocks=blocks, joints=joints, reservoir=reservoir, water=tuple(water), warmed=warmed
+    )
 
 
 def _with_elements(

@@ -72,6 +72,8 @@ def openings(folder, parameters, **sections):
 
 E = {"E": ("materials.concrete.E", ["20 GPa", "30 GPa", "45 GPa"])}
 RHO = {"rho": ("materials.concrete.rho", ["2200 kg/m3", "170 lb/ft3"])}
+EXPANDS = {"materials": {"concrete": {**BASE["materials"]["concrete"], "expansion": "1e-5 1/K"}}}
+COOL = {"dT": ("loads.temperature.0.change", ["-20 K", "-3.5 K", "12 K"])}
 BOTH = {"E": ("materials.concrete.E", ["3e6 psi"]), "rho": ("materials.concrete.rho", [2700])}
 
 
@@ -90,6 +92,14 @@ BOTH = {"E": ("materials.concrete.E", ["3e6 psi"]), "rho": ("materials.concrete.
         (BOTH, {"damping": {"modal": "5 %"}, "model": {"modes": "all"}} | RUBS),
         (BOTH, {"damping": {"rayleigh": {"alpha": 0.6, "beta": 4e-4}}} | RUBS | HEAVY),
         ({"E": ("materials.rock.E", ["10 GPa"]), "rho": ("materials.concrete.rho", [2000])}, TWO | RUBS),
+        (COOL, RUBS | EXPANDS | {"loads": {"gravity": [0, 0, -9.81], "temperature": [{"change": 0}]}}),
+        (
+            BOTH | {"dT": (["loads.temperature.0.change"], ["14 degF"])},
+            RUBS
+            | EXPANDS
+            | {"model": {"modes": "all"}}
+            | {"loads": HEAVY["loads"] | {"temperature": [{"change": "-12 K", "blocks": ["right"]}]}},
+        ),
         (
             BOTH,
             RUBS
@@ -166,6 +176,20 @@ DAM_FACES = [{"block": f"monolith_{k}", "face": "upstream"} for k in (1, 2, 3)]
             | {"water": {"level": 30, "faces": DAM_FACES, "model": "westergaard"}},
             "*.level",
             27.5,
+        ),
+        (
+            gravity_dam()
+            | REST
+            | {
+                "materials": {
+                    name: {**material, "expansion": 1e-5}
+                    for name, material in gravity_dam()["materials"].items()
+                }
+            }
+            | {"loads": {"temperature": [{"change": "-4 K", "blocks": ["monolith_1"]},
+                                         {"change": 0, "blocks": ["monolith_2"]}]}},
+            "loads.temperature.*.change",
+            7.5,
         ),
         (
             gravity_dam() | REST | {"water": {"level": 30, "faces": DAM_FACES, "model": "incompressible"}},
@@ -262,6 +286,14 @@ TIED = {"joints": {}, "ties": {"t": {"between": ["left", "right"]}}, **TWO}
         ("materials.concret.E", [2e10], {}, "'materials.concret.E' is not of"),
         ("materials.concrete.E", [2e10], {"joints": {"gap": {**BASE["joints"]["gap"],
          "normal_stiffness": "auto"}}, **TWO}, "auto follows the elements on both sides"),
+        ("loads.temperature.0.change", ["-12 Pa"], EXPANDS | {"loads": {"temperature": [{"change": 1}]}},
+         "got '-12 Pa'"),
+        ("loads.temperature.0.change", [-301], EXPANDS | {"loads": {"temperature": [{"change": 1}]}},
+         "got -301"),
+        ("loads.temperature.0.month", [3], EXPANDS | {"loads": {"temperature": [{"change": 1}]}},
+         "loads.temperature.<number>.change (of no table)"),
+        ("loads.temperature.0.change", [3], EXPANDS | {"suite_keep": "full",
+         "loads": {"temperature": [{"change": 1}]}}, "suite.keep: a kept result"),
         ("materials.concrete.nu", [0.2], {}, "materials.<name>.E or .rho"),
         ("materials.concrete.E", ["-3 GPa"], {}, "got '-3 GPa'"),
         ("materials.concrete.E", [2e10], {"suite_keep": "full"}, "suite.keep: a kept result"),
