@@ -36,6 +36,7 @@ from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.stability import job_after
 from romdam.pipelines.suites.plan import make_plan
 from romdam.pipelines.summary import refuse_summary
+from romdam.records.processing.sequence import members_of, sequence_text
 from romdam.records.record_set import load_motions
 from romdam.reduction.closed_joints import MOST, closed_frequencies
 from romdam.reduction.mode_choice import mode_choice
@@ -61,7 +62,7 @@ class Check:
     ----------
     blocks : name -> plain numbers (element, nodes, cells, modes, lowest frequencies as reduced, open [Hz])
     joints : name -> plain numbers (gaps, area [m2], friction, resultant of its water [N])
-    records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps)
+    records : name -> plain numbers (dt [s], duration [s], peak [m/s2], steps, sequence of records)
     unknowns : of the system that would be integrated
     costs : CPU seconds of `romdam run`, see `romdam.pipelines.cost.COSTS`; empty where unknown
     memory, file_size : estimates for all records [bytes]
@@ -238,6 +239,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
                 "duration": m.duration,
                 "peak_acceleration": m.peak,
                 "steps": steps[m.name],
+                "sequence": sequence_text(members_of(m)) or "-",
             }
             for m in motions
         },

@@ -16,6 +16,7 @@ from romdam.records.components import measures, peak, spectrum
 from romdam.records.measures import arias_history
 from romdam.records.processing.offset import doubt_drift
 from romdam.records.processing.resampling import cut_or_extended
+from romdam.records.processing.sequence import SEQUENCE, members_of, sequence_text
 from romdam.records.spectra import pseudo_acceleration
 
 PERIODS = np.geomspace(0.01, 10.0, 100)
@@ -66,6 +67,20 @@ def peak_text(attrs: Mapping[str, Any]) -> str:
     analysed_peak = float(attrs.get("analysed_peak_acceleration", whole))
     rest = "" if analysed_peak == whole else f" of what was analysed, {whole:.3g} m/s² of the whole record"
     return f"{analysed_peak:.3g} m/s²{rest}"
+
+
+def sequence_of(attrs: Mapping[str, Any]) -> str:
+    """The records of the sequence that a result is of, and when they start; empty where it is of one."""
+    try:
+        members = json.loads(str(attrs.get("record_provenance", "{}")))[SEQUENCE]
+        return sequence_text([{"record": m["record"], "start": float(m["start"])} for m in members])
+    except (ValueError, TypeError, KeyError):  # none, or another program has changed the attribute
+        return ""
+
+
+def earlier_records(motion: GroundMotion | None) -> list[str]:
+    """Names of the records before the last one of a sequence."""
+    return [] if motion is None else [str(member["record"]) for member in members_of(motion)[:-1]]
 
 
 def stated_warnings(attrs: Mapping[str, Any]) -> list[str]:

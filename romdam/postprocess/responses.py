@@ -18,6 +18,27 @@ from romdam.core.errors import ResultError
 RUNS = ("record", "scale", "sample")
 MEASURE = "record_"  # how the summary's variables of the records' measures begin
 PARAMETER = "parameter_"  # and those of the samples' parameters, which a user may call `gap` or `scale`
+WITHIN = "within_sequence"  # variable of the summary: record -> a sequence that has it in it, "" for none
+
+
+def each_once(summary: xr.Dataset) -> xr.Dataset:
+    """The runs of a summary without those of records that a sequence of it repeats.
+
+    The mainshock of a sequence runs alone too. Statistics over records would count its motion twice.
+    """
+    if WITHIN not in summary:  # of a version without sequences
+        return summary
+    return summary.isel(record=np.flatnonzero(summary[WITHIN].values.astype(str) == ""))
+
+
+def repeated_text(summary: xr.Dataset) -> str:
+    """Say whose runs `each_once` leaves out; empty where it leaves out none."""
+    if WITHIN not in summary:
+        return ""
+    names = zip(summary.record.values, summary[WITHIN].values.astype(str), strict=True)
+    repeated = [f"{name} (in {sequence})" for name, sequence in names if sequence]
+    return f"without the runs of {', '.join(repeated)} alone, which sequences repeat" if repeated else ""
+
 
 _NOT_RESPONSES = (
     "wall_seconds",

@@ -23,7 +23,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Floats
-from romdam.postprocess.responses import RUNS, parameters, response_of, responses, turned
+from romdam.postprocess.responses import RUNS, each_once, parameters, response_of, responses, turned
 
 BASE_SAMPLES = "sobol_base_samples"  # attribute of a design and a summary: rows of A
 RESAMPLES = 1000  # of the bootstrap
@@ -72,6 +72,7 @@ def sobol_indices(summary: xr.Dataset, response: str, seed: int = 1) -> xr.Datas
     ResultError
         for a response that the suite does not have.
     """
+    summary = each_once(summary)
     return _indices(summary, response_of(summary, response), seed)
 
 
@@ -79,10 +80,10 @@ def with_sobol_indices(summary: xr.Dataset) -> xr.Dataset:
     """Add the indices of every response, for each joint, node and so on, if the samples are made for them."""
     if BASE_SAMPLES not in summary.attrs:
         return summary
-    added = dict[str, xr.DataArray]()
+    added, population = dict[str, xr.DataArray](), each_once(summary)
     for name in responses(summary):
-        values = turned(summary[name])
-        found = _indices(summary, values, seed=1)
+        values = turned(population[name])
+        found = _indices(population, values, seed=1)
         about = str(values.attrs.get("long_name", name))
         for order, title in (("first", "first-order"), ("total", "total")):
             attrs = {"units": "1", "long_name": f"{title} Sobol' index of: {about}"}

@@ -118,6 +118,7 @@ def check_document(check: Check, config: Path) -> Document:
                 "duration_s": record["duration"],
                 "peak_acceleration_m_s2": record["peak_acceleration"],
                 "steps": record["steps"],
+                "sequence": None if record["sequence"] == "-" else record["sequence"],
             }
             for name, record in check.records.items()
         },
@@ -138,7 +139,7 @@ def check_document(check: Check, config: Path) -> Document:
 
 def info_document(dataset: xr.Dataset, path: Path) -> Document:
     """A result."""
-    from romdam.postprocess.record_measures import stated_warnings
+    from romdam.postprocess.record_measures import sequence_of, stated_warnings
 
     attrs = dataset.attrs
     prefix = "error_estimate_"
@@ -151,6 +152,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         "result": path,
         "title": attrs["title"],
         "record": attrs["record"],
+        "sequence": sequence_of(attrs) or None,
         "record_dt_s": attrs["record_dt"],
         "record_peak_acceleration_m_s2": attrs["record_peak_acceleration"],
         "analysed_peak_acceleration_m_s2": attrs.get("analysed_peak_acceleration"),

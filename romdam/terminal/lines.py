@@ -175,14 +175,15 @@ def _of_the_run(dataset: xr.Dataset) -> str:
 
 def info_lines(dataset: xr.Dataset) -> list[str]:
     """Describe a result: its kind, its making, and its known error."""
-    from romdam.postprocess.record_measures import peak_text, stated_warnings
+    from romdam.postprocess.record_measures import peak_text, sequence_of, stated_warnings
 
-    attrs = dataset.attrs
+    attrs, sequence = dataset.attrs, sequence_of(dataset.attrs)
     size = ", ".join(f"{n} {name}" for name, n in dataset.sizes.items())
     cpu = float(attrs.get("solver_loop_cpu_seconds", float("nan")))
     lines = [
         str(attrs["title"]),
         f"record         {attrs['record']}, dt {attrs['record_dt']:g} s, peak {peak_text(attrs)}",
+        *([f"sequence       {sequence}"] if sequence else []),
         f"configuration  {attrs['configuration_file']}, SHA-256 {str(attrs['configuration_sha256'])[:12]}",
         f"model          {attrs['model_order']} order, finest step {attrs['solver_finest_step']:g} s, "
         f"basis {attrs.get('model_file', 'none')}",

@@ -205,14 +205,19 @@ def check_tables(check: Check) -> list[Table]:
     ties = _table("Ties", ("tie", "between"), ("nodes", "discretization", "faces apart [m]"))
     for name, tie in check.ties.items():
         ties.add_row(name, *(f"{v:.2g}" if isinstance(v, float) else str(v) for v in tie.values()))
-    records = _table("Records", ("record",), ("dt [s]", "duration [s]", "peak [m/s²]", "steps"))
+    sequences = any(record["sequence"] != "-" for record in check.records.values())
+    head = ("dt [s]", "duration [s]", "peak [m/s²]", "steps", *(["sequence"] if sequences else []))
+    records = _table("Records", ("record",), head)
     for name, record in check.records.items():
-        records.add_row(name, *(f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()))
+        cells = [f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()]
+        records.add_row(name, *cells[: len(head)])
     return [blocks, joints, *([ties] if check.ties else []), records]
 
 
 def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
+    from romdam.postprocess.responses import each_once, repeated_text
+
     units = str(summary.scale.attrs.get("units", "1"))
     what, unit = f"scaled to [{units}]", 1.0
     if units == "1":
@@ -220,6 +225,10 @@ def suite_table(summary: xr.Dataset) -> Table:
     elif units == "m s-2":
         what, unit = "scaled to [g]", to_si("1 g", "m/s^2")
     table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
+    if left_out := repeated_text(summary):
+        table.caption = left_out
+        table.caption_justify = "left"
+    summary = each_once(summary)
     failed = (summary.status > 0).sum(("record", "sample"))
     for joint in summary.joint.values if "peak_opening" in summary else ():
         for k, scale in enumerate(summary.scale.values):

@@ -13,6 +13,14 @@ from romdam.core.errors import ConfigError, RecordError
 from romdam.core.motion import GroundMotion
 from romdam.records.listing import list_records
 from romdam.records.processing.sequence import in_sequence
+from romdam.terminal.documents import info_document
+from romdam.terminal.lines import info_lines
+from romdam.terminal.tables import check_tables, suite_table
+from romdam.visual.report.page import page
+from romdam.visual.report.parts import Table
+from romdam.visual.report.sections import suite_report
+from romdam.visual.report.statistics import responses_section
+from romdam.visual.report.subject import Subject, Topic
 
 G, MU = 9.81, 0.3
 DT = 0.01
@@ -113,6 +121,16 @@ def test_warnings_name_the_record_that_they_are_of():
     assert three.warnings == ("two: one: of one", "two: one: of any", "two: of two", "two: of any")
 
 
+@pytest.mark.parametrize(("rest", "taken"), [(0.0123, 2), (0.001, 1), (0.01, 2), (0.1 + 0.2, 60)])
+def test_a_rest_that_is_no_whole_number_of_intervals_is_said(rest, taken):
+    one, two = (GroundMotion(name, np.ones((3, 20)), dt, {}) for name, dt in (("one", DT), ("two", 0.5 * DT)))
+    both = in_sequence(one, rest, two)
+    first = 38  # the last sample of the first record
+    assert (both.acc[:, first + 1 : first + taken] == 0.0).all() and (both.acc[:, first + taken] == 1.0).all()
+    text = f"rest: {rest:g} s after one is taken as {taken * 0.005:g} s, {taken} intervals of 0.005 s"
+    assert both.warnings == (() if rest in (0.01, 0.1 + 0.2) else (text,))
+
+
 def test_records_of_a_sequence_are_listed_by_themselves(tmp_path):
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(job(tmp_path)))
     listed = list_records([str(tmp_path / "job.yaml")])
@@ -188,6 +206,29 @@ def test_a_dam_that_still_moves_when_the_aftershock_comes_is_said(tmp_path):
     moving["damping"] = {"rayleigh": {"frequencies": ["100 Hz", "1000 Hz"], "ratio": "0.001 %"}}
     np.savetxt(tmp_path / "main.txt", MAIN[:25])  # cut off while it slides
     done = romdam.run(romdam.load_config(moving, folder=tmp_path), tmp_path / "out")
-    main, both = (json.loads(result.dataset.attrs["run_warnings"]) for result in done.results)
+    sequence = "main at 0 s, after at 0.25 s"
+    alone, repeated = (result.dataset.load() for result in done.results)
+    assert f"sequence       {sequence}" in info_lines(repeated)
+    assert not any(line.startswith("sequence") for line in info_lines(alone))
+    assert info_document(repeated, tmp_path)["sequence"] == sequence
+    assert info_document(alone, tmp_path)["sequence"] is None
+    checked = romdam.check(romdam.load_config(moving, folder=tmp_path))
+    assert [record["sequence"] for record in checked.records.values()] == ["-", sequence]
+    assert list(check_tables(checked)[-1].columns[-1].cells) == ["-", sequence]
+    # statistics count the mainshock's motion once
+    with romdam.open_suite(tmp_path / "out") as suite:
+        summary = suite.to_dataset().load()
+    assert summary.within_sequence.values.tolist() == ["after", ""]
+    table = suite_table(summary)
+    cells = {str(column.header): list(column.cells) for column in table.columns}
+    assert cells["runs"] == ["1"]
+    assert cells["median [mm]"] == [f"{1e3 * float(repeated.peak_opening[0]):.2f}"]
+    assert table.caption == "without the runs of main (in after) alone, which sequences repeat"
+    text = page(suite_report(Subject(summary, Topic("peak_slip"))))
+    assert "Statistics over records are without the runs of main (in after) alone" in text
+    rows = responses_section(Subject(summary, Topic("peak_slip"))).parts
+    slip = next(row for part in rows if isinstance(part, Table) for row in part.rows if row[0] == "peak slip")
+    assert slip[4] == pytest.approx(1e3 * float(repeated.peak_slip[0]), rel=1e-3) and slip[-1] == 1
+    main, both = (json.loads(dataset.attrs["run_warnings"]) for dataset in (alone, repeated))
     assert any("after starts at 0.25 s, when the dam still moves" in text for text in both)
     assert not any("still moves" in text for text in main)

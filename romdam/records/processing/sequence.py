@@ -11,7 +11,7 @@ from romdam.core.motion import MOST_SAMPLES, GroundMotion
 from romdam.records.processing.resampling import resample_motion
 
 SEQUENCE = "sequence"  # key of the provenance
-_WHOLE = 1e-6  # of a ratio of two intervals, what it may be off a whole number
+_WHOLE = 1e-6  # of a ratio of two intervals, and of an interval, what it may be off a whole number
 
 
 def in_sequence(first: GroundMotion, rest: float, second: GroundMotion) -> GroundMotion:
@@ -19,7 +19,7 @@ def in_sequence(first: GroundMotion, rest: float, second: GroundMotion) -> Groun
 
     The motion with the longer interval is interpolated at the shorter one, as it says itself. The ground is
     without acceleration between the last sample of the first and the first sample of the second, which are
-    `rest` apart, a whole number of intervals and at least one.
+    `rest` apart, a whole number of intervals and at least one; a warning says where that is another time.
 
     Parameters
     ----------
@@ -54,8 +54,20 @@ def in_sequence(first: GroundMotion, rest: float, second: GroundMotion) -> Groun
     start = (before.shape[1] - 1 + steps) * dt
     members = [*members_of(first), {"record": second.name, "start": start, "provenance": second.provenance}]
     warnings = (*(f"{first.name}: {sentence}" for sentence in first.warnings), *second.warnings)
+    if abs(steps * dt - rest) > _WHOLE * dt:
+        warnings += (
+            f"rest: {rest:.6g} s after {first.name} is taken as {steps * dt:.6g} s, {steps} intervals of "
+            f"{dt:.6g} s",
+        )
     provenance = second.provenance | {SEQUENCE: members}
     return replace(second, acc=acc, dt=dt, provenance=provenance, warnings=warnings)
+
+
+def sequence_text(members: list[dict[str, object]]) -> str:
+    """The records of a sequence and when they start; empty for a record of its own."""
+    if len(members) < 2:
+        return ""
+    return ", ".join(f"{member['record']} at {float(str(member['start'])):.6g} s" for member in members)
 
 
 def members_of(motion: GroundMotion) -> list[dict[str, object]]:

@@ -26,8 +26,8 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.postprocess.hazard_of_response import with_hazard_of_response
-from romdam.postprocess.record_measures import MEASURES, analysed, measures_at_scales
-from romdam.postprocess.responses import RUNS
+from romdam.postprocess.record_measures import MEASURES, analysed, earlier_records, measures_at_scales
+from romdam.postprocess.responses import RUNS, WITHIN
 from romdam.postprocess.sobol import BASE_SAMPLES, with_sobol_indices
 from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
@@ -114,6 +114,13 @@ def summary_dataset(
         "record",
         matched,
         {"long_name": "whether its spectrum was matched to a target"} | flags,
+    )
+
+    within = {member: record.name for record in records for member in earlier_records(record.motion)}
+    data[WITHIN] = (
+        "record",
+        np.array([within.get(record.name, "") for record in records], dtype=str),
+        {"long_name": "the last sequence of records here that has this record in it, which runs alone too"},
     )
 
     status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)

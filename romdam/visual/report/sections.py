@@ -10,7 +10,14 @@ import numpy as np
 
 import romdam
 from romdam.core.display_units import unit_text
-from romdam.postprocess.responses import RUNS, intensity_of, measures, parameters, response_of
+from romdam.postprocess.responses import (
+    RUNS,
+    intensity_of,
+    measures,
+    parameters,
+    repeated_text,
+    response_of,
+)
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
     Code,
@@ -127,7 +134,9 @@ def what_was_run_section(subject: Subject) -> Section:
 
 def records_section(subject: Subject) -> Section:
     """Spectra and measures of the records; where they are cut, what was analysed beside what was recorded."""
-    summary, parts = subject.summary, list[Part]()
+    summary, parts = subject.population, list[Part]()
+    if left_out := repeated_text(subject.summary):
+        parts.append(Text(f"Statistics over records are {left_out}."))
     if subject.spectra is not None:
         caption = "Pseudo-acceleration of every record, the largest of x, y, z."
         parts.append(side_by_side(picture(plots.spectra_figure(subject.spectra), caption)))

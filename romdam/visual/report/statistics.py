@@ -37,8 +37,8 @@ _ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a tab
 def responses_section(subject: Subject) -> Section | None:
     """Every response over all runs, and the openings over the joints."""
     rows: list[list[Value]] = []
-    for name in responses(subject.summary):
-        values = turned(subject.summary[name])
+    for name in responses(subject.population):
+        values = turned(subject.population[name])
         rest = [dim for dim in values.dims if dim not in RUNS]
         for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
             of_place = values.isel(dict(zip(rest, at, strict=True)))
@@ -57,8 +57,8 @@ def responses_section(subject: Subject) -> Section | None:
         return None
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
     parts: list[Part] = []
-    if "gap_peak_opening" in subject.summary:
-        envelopes = opening_envelopes(subject.summary)
+    if "gap_peak_opening" in subject.population:
+        envelopes = opening_envelopes(subject.population)
         count = int(envelopes["count"].sum())
         over_height = plots.height_figure(envelopes)
         heights = picture(over_height, f"Openings over height; {count} runs.") if over_height else None
@@ -88,7 +88,7 @@ def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
 
 def floors_section(subject: Subject) -> Section | None:
     """Floor spectra over the runs."""
-    figure = floor_spectra_of_runs(subject.summary)
+    figure = floor_spectra_of_runs(subject.population)
     if figure is None:
         return None
     caption = (
@@ -101,7 +101,7 @@ def fragility_section(subject: Subject) -> Section | None:
     """Incremental curves and fragilities."""
     if not subject.done or not subject.response:
         return None
-    summary, response, intensity = subject.summary, subject.response, subject.topic.intensity
+    summary, response, intensity = subject.population, subject.response, subject.topic.intensity
     ida = ida_curves(summary, response, intensity)
     values = response_of(summary, response)
     chosen = subject.topic.thresholds or thresholds_of(values)
@@ -201,7 +201,7 @@ def correlation_section(subject: Subject) -> Section | None:
     if not subject.done or not subject.response:
         return None
     correlated, title = (
-        correlation(subject.summary, subject.response),
+        correlation(subject.population, subject.response),
         "Correlation with the records' measures",
     )
     if correlated.attrs["statement"]:
@@ -213,7 +213,7 @@ def correlation_section(subject: Subject) -> Section | None:
     remark = f"Records against {closest}, each scale by itself, samples by their median."
     drawings = side_by_side(
         picture(plots.correlation_figure(correlated), said),
-        picture(plots.scatter_figure(subject.summary, subject.response, closest), remark),
+        picture(plots.scatter_figure(subject.population, subject.response, closest), remark),
     )
     names = [f"{name}_at_scale" for name in ("spearman", "pearson", "slope", "dispersion", "count")]
     rows: list[list[Value]] = []
@@ -249,9 +249,9 @@ def sobol_section(subject: Subject) -> Section | None:
 
 
 def sensitivity_section(subject: Subject) -> Section | None:
-    if not subject.done or not subject.response or not parameters(subject.summary):
+    if not subject.done or not subject.response or not parameters(subject.population):
         return None
-    strength = sensitivity(subject.summary, subject.response)
+    strength = sensitivity(subject.population, subject.response)
     title = "Sensitivity to the parameters"
     if strength.attrs["statement"]:
         return Section("sensitivity", title, [Text(f"No sensitivity: {strength.attrs['statement']}.")])

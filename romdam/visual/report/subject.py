@@ -11,7 +11,7 @@ import xarray as xr
 
 from romdam.core.display_units import unit_text
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.responses import responses
+from romdam.postprocess.responses import each_once, responses
 from romdam.results.suite.rows import RunIndex
 
 _COMPRESSIONS = {
@@ -66,9 +66,14 @@ class Subject:
         return self.topic.response or next(iter(responses(self.summary)), "")
 
     @property
+    def population(self) -> xr.Dataset:
+        """The runs that statistics are of: no motion counts twice."""
+        return each_once(self.summary)
+
+    @property
     def done(self) -> int:
-        """Runs that succeeded."""
-        return int((self.summary.status == 0).sum())
+        """Runs of `population` that succeeded."""
+        return int((self.population.status == 0).sum())
 
     @property
     def configuration(self) -> dict[str, dict[str, object]]:
