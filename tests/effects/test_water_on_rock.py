@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arch_dams import DIVISIONS, arch_dam
+from arch_dams import ROCK as CANYON
 from reservoir_meshes import box as mesh_box
 from reservoir_meshes import written
 from scipy.sparse import csc_matrix
@@ -114,6 +116,32 @@ def test_meshed_reservoir_on_rock_is_the_prism(tmp_path):
     reduced = moved(reduce_scene(meshed, config.model, config.damping).system)
     assert apart(reduced.disp, moved(one).disp) < 0.01
     assert reduced.stats["ledger_imbalance"] < 1e-10
+
+
+def test_canyon_of_an_arch_dam_is_covered_by_dam_and_three_rocks():
+    """Rigid motion of dam and rock makes the flux of all walls, which the divergence theorem gives alone."""
+    rocks = [{"block": f"rock_{zone}", "face": "surface"} for zone in ("left", "centre", "right")]
+    finer = DIVISIONS | {"up": 8, "along": 2, "rock": 4, "upstream": 3}
+    raw = arch_dam(rock=CANYON | {"boundary": "viscous"}, divisions=finer) | {
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": 60},
+        "transient": {"finest_step": 0.01},
+    }
+    raw["water"] = {
+        "model": "compressible",
+        "level": 90.0,
+        "length": 120.0,
+        "cutoff": 8.0,
+        "faces": [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)],
+        "rock": rocks,
+    }
+    scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+    body = water_body(scene.reservoir, scene.blocks, 18.0)
+    swept = np.zeros_like(body.rigid)
+    swept[body.wet] = sum(Q @ np.tile(np.eye(3), (Q.shape[1] // 3, 1)) for Q in body.coupling.values())
+    assert {"rock_left", "rock_centre", "rock_right"} < set(body.coupling)
+    off = np.abs(swept - body.rigid).sum(axis=0) / np.abs(body.rigid).sum(axis=0)
+    assert off.max() < 0.003  # five times as much on the coarsest mesh
 
 
 def test_floor_below_the_surface_of_the_record_is_said():

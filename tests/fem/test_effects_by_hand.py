@@ -27,14 +27,14 @@ def test_wet_mode_of_one_unknown():
 def test_waves_of_a_channel_with_one_section_mode():
     """H = 2, G = 1/2: phi = sqrt 2, wave number 2. Floor 0.3, flux (1, 3, 0), c = 1400 m/s, q = 1e-4.
 
-    y'' + c^2 q 0.3 phi^2 y' + c^2 4 y = rho c^2 phi (1, 3, 0) v.
+    On rock of which int dl / (rho_r c_p) is 1e-8 the floor takes 1000 times that more:
+    y'' + c^2 (q 0.3 + rho 1e-8) phi^2 y' + c^2 4 y = rho c^2 phi (1, 3, 0) v.
     """
-    section = Section(
-        csr_matrix([[2.0]]), csr_matrix([[0.5]]), csr_matrix([[0.3]]), np.array([[1.0, 3.0, 0.0]])
-    )
+    H, G, floor, rock = (csr_matrix([[value]]) for value in (2.0, 0.5, 0.3, 1e-8))
+    section = Section(H, G, floor, np.array([[1.0, 3.0, 0.0]]), rock)
     end = radiating_end(section, Sound(1400.0, 0.8, 1e4), 1e-4, 1000.0)
     np.testing.assert_allclose(end.drive.k, [4 * 1400.0**2], rtol=1e-12)
-    np.testing.assert_allclose(end.drive.c, [[1400.0**2 * 1e-4 * 0.6]], rtol=1e-12)
+    np.testing.assert_allclose(end.drive.c, [[1400.0**2 * (1e-4 * 0.3 + 1000.0 * 1e-8) * 2.0]], rtol=1e-12)
     sign = np.sign(end.drive.velocity[0, 0])
     np.testing.assert_allclose(
         sign * end.drive.velocity, 1000 * 1400.0**2 * 2**0.5 * np.array([[1, 3, 0]]), rtol=1e-12
