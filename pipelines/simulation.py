@@ -19,7 +19,7 @@ from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.force_rows import add_force_rows, force_warnings, step_of_signals
 from romdam.records.processing.incoherence import incoherent_motions
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
-from romdam.records.processing.support_motions import add_support_rows
+from romdam.records.processing.support_motions import add_support_rows, late_warnings
 from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.grouting import grouted
@@ -137,15 +137,18 @@ def simulate_motions(
         else:
             histories = simulate_to(some, grounds, run_settings, accuracy, progress)
         outcomes.update(zip(group, histories, strict=True))
-    return [_with_force_warnings(outcomes[i], prepared[i].system) for i in range(len(motions))]
+    return [_with_run_warnings(outcomes[i], prepared[i].system, motions[i]) for i in range(len(motions))]
 
 
-def _with_force_warnings(outcome: Outcome, system: System) -> Outcome:
-    """The outcome, with what its steps lose of forces that vary in time."""
-    if not system.signals or not isinstance(outcome, History):
+def _with_run_warnings(outcome: Outcome, system: System, motion: GroundMotion) -> Outcome:
+    """The outcome, with what is lost of forces that vary in time, and of motions of late supports."""
+    if not isinstance(outcome, History):
         return outcome
-    base = outcome.stats["base_step"]
-    said = force_warnings(system.signals, base, float(outcome.time[-1]))
+    said, end = list[str](), float(outcome.time[-1])
+    if system.signals:
+        said += force_warnings(system.signals, outcome.stats["base_step"], end)
+    if system.pseudo_static is not None:
+        said += late_warnings(system.pseudo_static.motions, motion, end)
     return replace(outcome, warnings=(*outcome.warnings, *said))
 
 

@@ -14,14 +14,15 @@ from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.fingerprint import scene_digest
-from romdam.core.motion import GroundMotion, Incoherence
+from romdam.core.motion import GroundMotion, Incoherence, SupportMotion
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly
 from romdam.pipelines.check import check
+from romdam.pipelines.error.certify import certify
 from romdam.pipelines.simulation import ground_at_steps
 from romdam.records.processing.incoherence import incoherent_motions
 from romdam.records.processing.integrate import displacement, velocity
-from romdam.records.processing.support_motions import add_support_rows
+from romdam.records.processing.support_motions import add_support_rows, late_warnings
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.fields import open_result
@@ -360,6 +361,32 @@ def test_a_run_keeps_its_stations_and_states_its_error(folder, tmp_path):
         )
         assert 0.0 < data.attrs["error_estimate_opening_l2"] < 0.3
         assert data.attrs["solver_ledger_imbalance"] < 1e-10
+        estimate = data.attrs["error_estimate_opening_l2"]
+    certified = certify(path, folder / "job.yaml").statement.errors["opening"].l2
+    assert 0.3 * estimate < certified < 3.0 * estimate
+
+
+def test_random_motions_do_not_depend_on_the_mesh():
+    """Stations of incoherent motions stand at the same places on a finer mesh."""
+    raw = canyon(WAVE)
+    coarse = scene_of(raw).moving
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = 2.5
+    fine = scene_of(raw).moving
+    assert [one.station for one in fine.motions] == [one.station for one in coarse.motions]
+    np.testing.assert_array_equal(fine.incoherence.distance, coarse.incoherence.distance)
+
+
+def test_a_run_that_ends_before_the_last_support_has_moved_says_so():
+    """A pulse of 2 s that reaches the last station 0.5 s late, in a run of 1.5 s and of 3 s."""
+    motion, motions = GroundMotion("pulse", pulses(), DT), [SupportMotion(0), SupportMotion(1, delay=0.5)]
+    (said,) = late_warnings(motions, motion, 1.5)
+    time = motion.time
+    squared = (motion.acc**2).sum(axis=0)
+    late = squared[(time > 1.0) & (time <= 1.5)].sum() / squared.sum()
+    assert f"supports[1] moves 0.5 s behind the record, and {late:.2g} of its Arias" in said
+    assert "set transient.duration to 2 s" in said
+    assert late_warnings(motions, motion, 3.0) == []
 
 
 def test_units_of_us_practice_are_the_same_job(folder):

@@ -430,9 +430,10 @@ def _total() -> dict[str, Any]:
 
 
 def _along(**along: Any) -> dict[str, Any]:
-    keys = ("materials", "blocks", "supports", "damping", "records")
-    raw = {key: copy.deepcopy(_TWO[key]) for key in keys}
+    """Supports that move by their position, with a record that ends at rest."""
+    raw = {key: copy.deepcopy(_TWO[key]) for key in ("materials", "blocks", "supports", "damping")}
     return raw | {
+        "records": [{"file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
         "ground": {"along": {"axis": "y"} | along},
         "joints": {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
         "model": {"modes": 2},

@@ -12,6 +12,7 @@ from romdam.config.sections.motions.records import RecordConfig
 from romdam.config.sections.places import Axis, Direction, Vector
 
 _Factor = Annotated[Dimensionless, Field(gt=0.0, le=100.0)]
+CUTOFF = 25.0  # Hz: joints and concrete dams answer little above
 MOST_STATIONS = 40  # of a wave or a table: each takes three static answers of the mesh
 
 
@@ -35,7 +36,7 @@ class StationConfig(Model):
 
     @model_validator(mode="after")
     def _record_alone(self) -> Self:
-        if self.record is not None and self.model_fields_set & {"delay", "factor"}:
+        if self.record is not None and (self.delay, self.factor) != (0.0, 1.0):
             raise ValueError("give `record`, or `delay` and `factor`; `record.scale` multiplies a record")
         return self
 
@@ -73,7 +74,7 @@ class MotionAlongConfig(Model):
     """Coordinate along `axis` where the motion is the record; where the wave meets the first support if not
     given."""
     incoherence: IncoherenceConfig | None = None
-    cutoff: Annotated[Frequency, Field(gt=0.0)] = 25.0
+    cutoff: Annotated[Frequency, Field(gt=0.0)] = CUTOFF
     """Frequency up to which the motion between the stations of a wave is within 1 %."""
 
     @model_validator(mode="after")
@@ -83,7 +84,7 @@ class MotionAlongConfig(Model):
             raise ValueError("give `stations`, or `axis` with `velocity`, `incoherence` or both")
         if wave and self.axis is None:
             raise ValueError("`axis` is missing, along which the wave travels; give x, or a direction")
-        if wave and "beyond" in self.model_fields_set:
+        if wave and self.beyond != "refuse":
             raise ValueError("`beyond` is of `stations`, and a wave is known everywhere; leave it out")
         if isinstance(self.axis, tuple) and not any(self.axis):
             raise ValueError("axis: [0, 0, 0] has no direction; give x, or a direction")
@@ -92,9 +93,9 @@ class MotionAlongConfig(Model):
         return self
 
     def _refuse_wrong_stations(self) -> None:
-        extra = sorted(self.model_fields_set & {"start", "cutoff"})
-        if extra:
-            raise ValueError(f"`{extra[0]}` is of a wave, and `stations` are a table; leave it out")
+        if self.start is not None or self.cutoff != CUTOFF:
+            extra = "cutoff" if self.start is None else "start"
+            raise ValueError(f"`{extra}` is of a wave, and `stations` are a table; leave it out")
         if not 2 <= len(self.stations) <= MOST_STATIONS:
             raise ValueError(f"stations: must be 2 to {MOST_STATIONS}, got {len(self.stations)}")
         for k, station in enumerate(self.stations):

@@ -31,7 +31,7 @@ class SupportMotionConfig(Model):
             raise ValueError(
                 "give `delay` above 0 s, a `factor` that is not 1, or a `record`; or leave it out"
             )
-        if self.record is not None and self.model_fields_set & {"delay", "factor"}:
+        if self.record is not None and (self.delay, self.factor) != (0.0, 1.0):
             raise ValueError("give `record`, or `delay` and `factor`; `record.scale` multiplies a record")
         return self
 

@@ -17,6 +17,7 @@ from romdam.core.motion import GroundMotion, SupportMotion
 from romdam.records.processing.integrate import displacement, velocity
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
 
+_LATE = 0.01  # of the Arias intensity, that reaches the last support after the end of a run
 _DRIFT = 0.1  # of the peak velocity, at the end: a record that is corrected has 0.01
 
 
@@ -51,6 +52,25 @@ def add_support_rows(
         relative.append(support_acc - acc)
     against = np.concatenate(relative)
     return np.concatenate([acc, against, velocity(against, dt), displacement(against, dt)])
+
+
+def late_warnings(motions: Sequence[SupportMotion], motion: GroundMotion, end: float) -> list[str]:
+    """Warn where a run ends before the record has passed its last support.
+
+    Parameters
+    ----------
+    end : of the run [s]
+    """
+    last = max(motions, key=lambda one: one.delay)
+    squared, time = (motion.acc**2).sum(axis=0), np.arange(motion.acc.shape[1]) * motion.dt
+    late = squared[(time > end - last.delay) & (time <= end)].sum() / max(float(squared.sum()), 1e-300)
+    if not late > _LATE:
+        return []
+    return [
+        f"{last.name} moves {last.delay:.4g} s behind the record, and {late:.2g} of its Arias intensity "
+        f"comes there after the end of the run at {end:.4g} s; set transient.duration to "
+        f"{end + last.delay:.4g} s"
+    ]
 
 
 def refuse_drift(motion: GroundMotion, location: str) -> None:

@@ -4,7 +4,7 @@ A table is linear between its stations. The motion of a wave, and its random par
 position along an axis: stations stand at Chebyshev's points between the first and the last support, and the
 polynomial through them is the motion between. It takes about pi stations for a wave length, and its strains
 are right where waves are long, which straight lines between stations need many more for. Where supports have
-no more positions than that, the stations are these and nothing is interpolated.
+no more positions than that, the stations of a coherent wave are these and nothing is interpolated.
 
 References
 ----------
@@ -32,6 +32,7 @@ ERROR = 0.01  # rms of the motion between stations up to the cut-off, see `inter
 _SAME = 1e-9  # of the supports' extent: positions that are one
 _BEYOND = 1e-6  # of the line's length: round-off of a support at its end
 _FREQUENCIES = 8  # up to the cut-off, at which the error is looked at
+_LOOKED_AT = 401  # places where the error is looked at: ten for each of the stations
 _MOST_STRETCH = 5.0  # distance along the line of two nodes of a cell, of their distance: else the line turns
 
 
@@ -192,15 +193,18 @@ def _wave(
     slowness = 0.0 if config.velocity is None else 1.0 / config.velocity
     loss = 0.0 if config.incoherence is None else config.incoherence.alpha / config.incoherence.shear_velocity
     omega = 2.0 * np.pi * config.cutoff * np.arange(1, _FREQUENCIES + 1) / _FREQUENCIES
-    looked_at = different[
-        np.unique(np.linspace(0, len(different) - 1, 400).astype(int))
-    ]  # enough for 40 peaks
+    # random motions are of places, whatever the mesh: another mesh of the same dam has the same stations
+    given = loss == 0.0
+    looked_at = np.linspace(low, high, _LOOKED_AT)
+    if given:
+        looked_at = different[np.unique(np.linspace(0, len(different) - 1, _LOOKED_AT).astype(int))]
     for count in range(1, MOST_STATIONS + 1):
         at = chebyshev_points(low, high, count)
-        if count >= len(different):
+        exact = given and count >= len(different)
+        if exact:
             at = different
         error = interpolation_error(looked_at, at, slowness, loss, omega)
-        if error <= ERROR or count >= len(different):
+        if error <= ERROR or exact:
             break
     else:
         raise ConfigError(
