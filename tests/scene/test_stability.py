@@ -1,10 +1,13 @@
 """`romdam stability`: the dam at rest after an earthquake, against equilibrium by hand."""
 
+import itertools
+
 import numpy as np
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 from test_cli import call
-from test_initial_state import BOND, G, job, motion, pulses, run
+from test_initial_state import BOND, G, after, job, motion, pulses, run
 
 import romdam
 from romdam.core.errors import ConfigError
@@ -92,6 +95,93 @@ def test_a_model_at_full_order_or_with_automatic_modes_judges_the_same(shaken):
         joint = only(configuration, shaken)[1]
         assert joint.factor == pytest.approx(few.factor, rel=1e-9)
         assert joint.resultant == pytest.approx(few.resultant, rel=1e-6)
+
+
+def columns(folder, turn, **loads):
+    """A block of 2 by 1 by 2 m on a base of 2 by 2 by 2 m, turned with weight and push."""
+    lines, first = ["*NODE"], {}
+    for name, size, lowest in (("BASE", (2, 2, 2), (0, 0, -2)), ("BLOCK", (2, 1, 2), (0, 1, 0))):
+        corners = list(
+            itertools.product(*(range(low, low + n + 1) for low, n in zip(lowest, size, strict=True)))
+        )
+        number = {corner: len(lines) + i for i, corner in enumerate(corners)}
+        lines += [
+            f"{number[c]}, " + ", ".join(f"{x:.17g}" for x in turn @ np.array(c, float)) for c in corners
+        ]
+        first[name] = (
+            number,
+            list(itertools.product(*(range(a, a + n) for a, n in zip(lowest, size, strict=True)))),
+        )
+    element = itertools.count(1)
+    for name, (number, cubes) in first.items():
+        lines.append(f"*ELEMENT, TYPE=C3D8, ELSET={name}")
+        for x, y, z in cubes:
+            nodes = [
+                number[x + a, y + b, z + up] for up in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))
+            ]
+            lines.append(", ".join(map(str, [next(element), *nodes])))
+    foot = [number for corner, number in first["BASE"][0].items() if corner[2] == -2]
+    lines += ["*NSET, NSET=FOOT", ", ".join(map(str, foot))]
+    (folder / "columns.inp").write_text("\n".join(lines) + "\n")
+    mesh = {"file": str(folder / "columns.inp"), "unit": "m"}
+    push = [
+        {
+            "block": "block",
+            "at": (turn @ [x, 1.0, 2.0]).tolist(),
+            "force": (turn @ [0, 0.25 * PUSH, 0]).tolist(),
+        }
+        for x in (0.0, 2.0)
+    ]
+    raw = judged(changes={"joints.foot.friction": 0.28})
+    raw["blocks"] = {
+        name: {"material": "concrete", "mesh": mesh | {"group": name.upper()}} for name in ("base", "block")
+    }
+    raw["supports"] = [{"block": "base", "face": "FOOT"}]
+    raw["loads"] = {"gravity": (turn @ [0.0, 0.0, -G]).tolist(), "force": push} | loads
+    raw["transient"] |= {"finest_step": "1 ms"}
+    del raw["outputs"]["nodes"]
+    return raw
+
+
+TURNS = {
+    "about the vertical, with water": (
+        37.0 * np.array([0.0, 0.0, 1.0]),
+        {"level": "1 m", "crack": "redrawn"},
+    ),
+    "about a skew axis": (50.0 * np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0), None),
+}
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_a_turned_model_goes_on_and_is_judged_as_before(name, tmp_path):
+    """What joints remember of an earthquake (`take: joints`), and the verdict on it, turn with the model."""
+    vector, water = TURNS[name]
+    shaken = np.pad(pulses(9.0, 2, 0.8), ((0, 0), (0, 300)))
+    shaken[0], second = 0.4 * shaken[1], pulses(-5.0, 1, 0.5)
+    seen = []
+    for turn in (np.eye(3), Rotation.from_rotvec(np.radians(vector)).as_matrix()):
+        loads = {}
+        if water is not None:
+            downstream = (turn @ [0.0, 1.0, 0.0]).tolist()
+            loads["joint_water"] = [{"joints": ["foot"], "downstream": downstream} | water]
+        folder = tmp_path / str(len(seen))
+        folder.mkdir()
+        raw = columns(folder, turn, **loads)
+        result = run(raw, folder / "a", motion("a", turn @ shaken)).paths[0]
+        again = run(after(raw, result, "joints"), folder / "b", motion("b", turn @ second)).results[0]
+        _, joint = only(raw, result)
+        seen.append((again.dataset.load(), joint))
+    (straight, one), (turned, other) = seen
+    for variable in ("opening", "slip", "normal_force"):
+        a, b = straight[variable].values, turned[variable].values
+        a, b = (np.linalg.norm(x, axis=-1) if variable == "slip" else x for x in (a, b))
+        assert np.abs(a - b).max() <= 1e-6 * np.abs(a).max() > 0.0, variable
+    assert one.verdict == other.verdict
+    for quantity in ("factor", "compression", "shear", "water", "slip", "bonded_share", "open_share"):
+        assert getattr(other, quantity) == pytest.approx(getattr(one, quantity), rel=1e-6, abs=1e-9), quantity
+    assert other.resultant == pytest.approx(one.resultant, rel=1e-6), "resultant"
+    assert one.bonded_share < 1.0
+    assert one.shear == pytest.approx(0.5 * PUSH, rel=1e-6) and one.slip > 1e-3
 
 
 def test_command_table_and_exit_code(shaken, tmp_path):
