@@ -30,6 +30,7 @@ RESAMPLES = 1000  # of the bootstrap
 CONFIDENCE = 0.95  # of the bounds
 _MOST_LOST = 0.1  # of the base samples: without more of them the parameters are not independent any longer
 _FEWEST = 8  # base samples
+_WIDE = 0.25  # of the variance: bounds farther apart are told of
 _SAME = 1e-12  # relative: a response that varies less does not vary
 _CHUNK = 4e6  # numbers of the resamples that are in memory together
 
@@ -112,6 +113,8 @@ def sobol_rows(indices: xr.Dataset) -> list[tuple[str, str, str, str, str]]:
 def _indices(summary: xr.Dataset, values: xr.DataArray, seed: int) -> xr.Dataset:
     """Indices of a response (record, scale, sample, ...) with the dims after these."""
     n, names = int(summary.attrs[BASE_SAMPLES]), list(parameters(summary))
+    if "parameter" in summary.coords:  # a file may have its coordinates in another order
+        names = [str(name) for name in summary.parameter.values]
     k, rest = len(names), [str(dim) for dim in values.dims if dim not in RUNS]
     y = values.transpose(*RUNS, *rest).values.astype(float)
     shape = y.shape[1:2] + y.shape[3:]
@@ -139,7 +142,7 @@ def _indices(summary: xr.Dataset, values: xr.DataArray, seed: int) -> xr.Dataset
     about: dict[str, object] = {
         "estimator": "Saltelli 2010 (first order), Jansen 1999 (total)",
         "confidence_level": CONFIDENCE,
-        "statement": _statement(lost),
+        "statement": "; ".join(text for text in (_failures(lost), _spread(table)) if text),
     }
     coords: dict[str, object] = {
         name: summary.coords[name] for name in ("scale", *rest) if name in summary.coords
@@ -148,7 +151,16 @@ def _indices(summary: xr.Dataset, values: xr.DataArray, seed: int) -> xr.Dataset
     return xr.Dataset(data, coords, about)
 
 
-def _statement(lost: float) -> str:
+def _spread(table: Floats) -> str:
+    """Tell of bounds too far apart to order parameters by; `table` has the bounds as (..., 3, k)."""
+    widths = table[..., 2, :] - table[..., 1, :]
+    if not (widths > _WIDE).any():
+        return ""
+    widest = float(widths[np.isfinite(widths)].max())
+    return f"bounds are up to {widest:.2g} apart; four times as many base samples halve that"
+
+
+def _failures(lost: float) -> str:
     """Tell of base samples that are left out as a run failed; empty where there are none."""
     if lost == 0.0:
         return ""

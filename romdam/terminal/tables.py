@@ -218,12 +218,7 @@ def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
     from romdam.postprocess.responses import each_once, repeated_text
 
-    units = str(summary.scale.attrs.get("units", "1"))
-    what, unit = f"scaled to [{units}]", 1.0
-    if units == "1":
-        what = "scale factor"
-    elif units == "m s-2":
-        what, unit = "scaled to [g]", to_si("1 g", "m/s^2")
+    what, unit = _scale_head(summary)
     table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
     if left_out := repeated_text(summary):
         table.caption = left_out
@@ -239,6 +234,14 @@ def suite_table(summary: xr.Dataset) -> Table:
     return table
 
 
+def _scale_head(summary: xr.Dataset) -> tuple[str, float]:
+    """Head of a column of scales, and the unit that they are shown in [SI]."""
+    units = str(summary.scale.attrs.get("units", "1"))
+    if units == "1":
+        return "scale factor", 1.0
+    return ("scaled to [g]", to_si("1 g", "m/s^2")) if units == "m s-2" else (f"scaled to [{units}]", 1.0)
+
+
 def sobol_tables(summary: xr.Dataset) -> list[Table]:
     """Sobol' indices of the suite's first response; none where its samples are not made for them."""
     from romdam.postprocess.responses import responses
@@ -249,8 +252,9 @@ def sobol_tables(summary: xr.Dataset) -> list[Table]:
         return []
     indices = sobol_indices(summary, names[0])
     title = f"Shares of the variance of {names[0].replace('_', ' ')} (Sobol' indices), 95 % bounds"
-    table = _table(title, ("scale", "parameter"), ("first order", "total", "base samples"))
-    for row in sobol_rows(indices):
+    what, unit = _scale_head(summary)
+    table = _table(title, (what, "parameter"), ("first order", "total", "base samples"))
+    for row in sobol_rows(indices.assign_coords(scale=indices.scale / unit)):
         table.add_row(*row)
     if indices.attrs["statement"]:
         table.caption = str(indices.attrs["statement"])

@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 import xarray as xr
 from pytest import approx
-from suite_jobs import made, write_job
+from suite_jobs import BASE, made, write_job
 from summaries import summary_of
 from test_cli import call
 from test_distributions import GAP, LN, MU, samples
@@ -18,6 +18,9 @@ from romdam.core.errors import ConfigError
 from romdam.postprocess.dependence import sensitivity
 from romdam.postprocess.sobol import BASE_SAMPLES, sobol_estimates, sobol_indices, with_sobol_indices
 from romdam.results.suite.sampling import sobol_matrices
+from romdam.visual.report.parts import Table
+from romdam.visual.report.statistics import sobol_section
+from romdam.visual.report.subject import Subject, Topic
 
 
 def ishigami(u):
@@ -78,6 +81,20 @@ def test_a_linear_model_has_the_squares_of_its_coefficients():
     want = c**2 / (c @ c)
     assert found["first"].values == approx(want, abs=2e-3)
     assert found["total"].values == approx(want, abs=2e-3)
+
+
+def test_a_file_keeps_which_parameter_is_which(tmp_path):
+    unit = sobol_matrices(256, 2, 1)
+    sampled = {"parameter_z": unit[:, 0], "parameter_a": unit[:, 1]}
+    summary = summary_of((3.0 * unit[:, 0] + unit[:, 1])[None, None], np.ones((1, 1)), sampled)
+    with_sobol_indices(summary.assign_attrs({BASE_SAMPLES: 256})).to_netcdf(tmp_path / "s.nc")
+    with xr.open_dataset(tmp_path / "s.nc") as read:
+        for found in (
+            read.sobol_first_peak_opening.isel(joint=0),
+            sobol_indices(read, "peak_opening")["first"],
+        ):
+            assert list(found.parameter.values) == ["z", "a"]
+            assert found.values[0] == approx([0.9, 0.1], abs=5e-3)
 
 
 def test_bounds_hold_the_truth_and_shrink_as_the_root_of_the_base_samples():
@@ -181,15 +198,18 @@ def test_a_suite_has_the_shares_of_a_closed_form_oscillator(tmp_path):
 def test_the_terminal_and_the_report_show_them(tmp_path):
     parameters = {"mu": {"path": "joints.gap.friction", "low": 0.2, "high": 0.6},
                   "gap": {"path": "joints.gap.gap", "values": ["0 mm", "1 mm"]}}  # fmt: skip
-    config = write_job(
-        tmp_path, records=1, suite={"parameters": parameters, "design": {"sobol_indices": 16, "seed": 2}}
-    )
+    suite = {"parameters": parameters, "design": {"sobol_indices": 16, "seed": 2}}
+    outputs = {**BASE["outputs"], "plots": False, "mesh_error": False}
+    config = write_job(tmp_path, records=1, suite=suite, outputs=outputs)
     said = call("run", config, "--out", tmp_path / "out", "--workers", 1)[1]
     assert "Shares of the variance of peak opening" in said and "first order" in said
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "Sobol" in page and "16 base samples, seed 2" in page
+    assert "bounds are up to" in said and "four times as many base samples" in said
     with xr.open_dataset(tmp_path / "out" / "summary.nc", engine="h5netcdf") as summary:
-        assert summary.attrs[BASE_SAMPLES] == 16
+        assert summary.attrs[BASE_SAMPLES] == 16 and "16 base samples, seed 2" in summary.attrs["design"]
+        section = sobol_section(Subject(summary, Topic()))
+        assert section is not None and "Sobol" in section.title
+        (table,) = [part for part in section.parts if isinstance(part, Table)]
+        assert [row[1] for row in table.rows] == ["gap", "mu"]  # as the file has them
         assert set(np.unique(summary.parameter_gap.values)) == {0.0, 1e-3}
         assert sensitivity(summary).attrs["samples"] == 32  # A and B
     assert "sobol" not in (tmp_path / "out" / "summary.csv").read_text().split("\n")[0]
