@@ -10,7 +10,7 @@ import xarray as xr
 from romdam.core.arrays import Floats
 from romdam.postprocess.fragility import fragility
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.responses import intensity_of, response_of
+from romdam.postprocess.responses import each_once, intensity_of, response_of
 
 LEVEL = "hazard_level"  # dimension and coordinate
 STATEMENT = "hazard_statement"  # attribute of a summary without frequencies: why
@@ -39,13 +39,14 @@ def with_hazard_of_response(
     """
     if response not in summary:
         return summary.assign_attrs({STATEMENT: f"no run has {response}, so there is no frequency of it"})
-    values, measured = response_of(summary, response), intensity_of(summary, measure)
+    population = each_once(summary)
+    values, measured = response_of(population, response), intensity_of(population, measure)
     y = np.array(levels if levels is not None else _chosen(values.values))
     if not y.size:
         return summary.assign_attrs({STATEMENT: f"no run has a {response} above 0"})
     rows, statements = np.full((len(y), 4), np.nan), list[str]()
     for row, level in zip(rows, y, strict=True):
-        fit = fragility(summary, response, float(level), measure)
+        fit = fragility(population, response, float(level), measure)
         statements.append(str(fit.attrs["statement"]))
         if fit.theta.notnull():
             theta, beta = float(fit.theta), float(fit.beta)

@@ -14,6 +14,7 @@ import romdam
 from romdam.core.errors import ConfigError
 from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.hazard_of_response import with_hazard_of_response
+from romdam.postprocess.responses import WITHIN
 from romdam.results.suite.hazard_table import read_hazard
 from romdam.visual.report.parts import Table
 from romdam.visual.report.statistics import hazard_section
@@ -163,6 +164,13 @@ def test_levels_that_nobody_named_lie_within_the_runs_and_a_response_may_be_miss
     k = int(np.abs(levels - 1.0).argmin())
     want = 2e-3 * (3.0 * levels[k] ** (1 / 1.3)) ** -2.0 * math.exp(0.5 * (2.0 * 0.4) ** 2)
     assert float(found.annual_frequency[k]) == pytest.approx(want, rel=0.25)  # 40 records
+    # records that sequences repeat do not count
+    repeated = np.where(np.arange(40) < 30, "", "r000")
+    within = summary.assign({WITHIN: ("record", repeated)})
+    part = with_hazard_of_response(within, curve, "peak_opening", "sa", [1.0])
+    first = summary.isel(record=slice(30))
+    want = with_hazard_of_response(first, curve, "peak_opening", "sa", [1.0]).annual_frequency.values
+    assert part.annual_frequency.values == pytest.approx(want, rel=1e-12)
     assert (
         "no run has peak_slip"
         in with_hazard_of_response(summary, curve, "peak_slip", "sa", None).attrs["hazard_statement"]
