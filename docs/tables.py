@@ -27,7 +27,7 @@ SUBJECTS = {  # page of keys -> sections of a job
     "job": ("",),
     "dam": ("materials", "blocks", "cut", "arch_dam", "gravity_dam", "supports", "ground"),
     "joints": ("joints", "ties"),
-    "loads": ("loads", "water", "damping"),
+    "loads": ("loads", "construction", "water", "damping"),
     "records": ("records",),
     "runs": (
         "model",

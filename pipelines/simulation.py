@@ -22,6 +22,7 @@ from romdam.records.processing.resampling import cut_or_extended, resample_motio
 from romdam.records.processing.support_motions import add_support_rows, late_warnings
 from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
+from romdam.timestepping.construction import constructed
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.protocol import Outcome, Progress
@@ -67,7 +68,8 @@ def prepare(
 ) -> Prepared:
     """Make a system ready for the configured integrator, or for the one that suits it.
 
-    Its joints are grouted, and the uplift in them is that of their cracks at rest.
+    It goes through the stages of its construction, its joints are grouted, and the uplift in them is that of
+    their cracks at rest.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def prepare(
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
     prepared_before = {} if like is None else like.symmetries
-    ready = grouted(system, transient.tolerance)
+    ready = grouted(constructed(system, transient.tolerance), transient.tolerance)
     if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows
         ready = with_uplift_at_rest(with_joint_state(ready), transient.tolerance)
     else:

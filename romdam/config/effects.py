@@ -39,6 +39,7 @@ EFFECTS = {
     "viscous boundary": EffectEntry("ground.viscous", has_viscous_boundary),
     "free field": EffectEntry("ground.input: free_field", lambda config: config.ground.input == "free_field"),
     "staged weight": EffectEntry("loads.weight: staged", lambda config: config.loads.weight == "staged"),
+    "staged construction": EffectEntry("construction", lambda config: bool(config.construction)),
     "force histories": EffectEntry("loads.force_history", lambda config: bool(config.loads.force_history)),
     "temperature": EffectEntry("loads.temperature", lambda config: bool(config.loads.temperature)),
     "water in joints": EffectEntry("loads.joint_water", lambda config: bool(config.loads.joint_water)),
@@ -56,6 +57,11 @@ FREE_FIELD_WITH_RATIOS = (
 _ONE_RESERVOIR = "water.model: a scene has one reservoir, whose water has one model; choose one of the three"
 _WATERS = "Westergaard's added mass", "incompressible water", "compressible water"
 
+_WEIGHT_OF_STAGES = (
+    "loads.weight: staged: the stages of `construction` say when weight acts; leave it out, and pour the "
+    "blocks in a stage before their joints are grouted"
+)
+
 EXCLUDED = {
     frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
     frozenset({"motion along", "moving supports"}): (
@@ -70,6 +76,7 @@ EXCLUDED = {
         "ground.along: rock beyond viscous faces moves as the record everywhere; hold the rock at its "
         "boundary (ground.viscous left out, of an arch dam rock.boundary: fixed), or leave `along` out"
     ),
+    frozenset({"staged weight", "staged construction"}): _WEIGHT_OF_STAGES,
 } | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 

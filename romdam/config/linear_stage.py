@@ -16,6 +16,7 @@ _WITHOUT = {
     "free field": f"{_COUPLED}; set ground.input: uniform",
     "moving supports": "has several motions of the ground, and a response spectrum is of one; leave it out",
     "motion along": "has several motions of the ground, and a response spectrum is of one; leave it out",
+    "staged construction": "grouts joints one after another, and the linear stage has all tied; leave it out",
     "force histories": "is a force in time, which no response spectrum knows; leave it out",
 }
 

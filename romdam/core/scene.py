@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
@@ -399,6 +400,26 @@ class StressSites:
 
 
 @dataclass(frozen=True)
+class ConstructionStage:
+    """A stage of construction: what is there and acts at its end, and what is grouted then.
+
+    Attributes
+    ----------
+    name : unique among stages
+    blocks : that are there
+    level : of the still water, at most that of each load [m]; None where none acts yet
+    warmed : block name -> change of temperature of the block, or (n,) of its nodes [K]
+    grouted : (ng,) gaps that are grouted at its end
+    """
+
+    name: str
+    blocks: frozenset[str]
+    level: float | None
+    warmed: Mapping[str, float | Floats]
+    grouted: Bools
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that does not depend on the ground motion.
 
@@ -419,6 +440,7 @@ class Scene:
     moving : supports that do not move as the base does; None where all do
     force_histories : forces that vary in time
     initial : state of another run that runs begin with; None without
+    construction : stages in which the dam was built, one after another
     remarks : what of the scene is odd and may not be meant, one sentence each
     """
 
@@ -441,6 +463,7 @@ class Scene:
     moving: MovingSupports | None = None
     force_histories: tuple[ForceHistory, ...] = ()
     initial: InitialState | None = None
+    construction: tuple[ConstructionStage, ...] = ()
     remarks: tuple[str, ...] = ()
 
     @property

@@ -145,6 +145,43 @@ class RestUplift:
 
 
 @dataclass(frozen=True)
+class ConstructionPlan:
+    """Stages of construction that a system is still to go through.
+
+    Attributes
+    ----------
+    names : of the stages
+    force : (n, stages) static force at the end of each [N]
+    present : (stages, ng) gaps both of whose blocks are there
+    grouted : (stages, ng) gaps that are grouted at its end
+    """
+
+    names: tuple[str, ...]
+    force: Floats
+    present: Bools
+    grouted: Bools
+
+
+@dataclass(frozen=True)
+class BuiltStages:
+    """The joints at the end of each stage of construction, before its grouting.
+
+    Attributes
+    ----------
+    names : of the stages
+    opening : (stages, ng) of the gaps since their blocks were poured, or since they were grouted; NaN where a
+        block is not there [m]
+    force : (stages, ng) normal force, compression positive, 0 where a block is not there [N]
+    grouted : (stages, ng) gaps that are grouted then
+    """
+
+    names: tuple[str, ...]
+    opening: Floats
+    force: Floats
+    grouted: Bools
+
+
+@dataclass(frozen=True)
 class GapLaw:
     """Parameters of every gap of the scene, joints one after another.
 
@@ -353,6 +390,8 @@ class System:
         as a matrix would be full; None where C is all of it
     uplift : water in cracked joints that is in `force`; None where no joint's follows from its crack
     initial : state of another run that runs begin with; None where they begin as `Settings` say
+    construction : stages that it is still to go through; None without, and once it has
+    built : the joints in the stages that it has gone through; None without
     """
 
     M: csr_matrix
@@ -377,6 +416,8 @@ class System:
     signals: tuple[ForceSignal, ...] = ()
     uplift: RestUplift | None = None
     initial: InitialState | None = None
+    construction: ConstructionPlan | None = None
+    built: BuiltStages | None = None
 
     @property
     def size(self) -> int:
@@ -549,7 +590,7 @@ class History(GapQuantities):
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
-    uplift : as of the system
+    uplift, built : as of the system
     """
 
     time: Floats
@@ -569,6 +610,7 @@ class History(GapQuantities):
     final: FinalState | None = None
     every_step: StepMotion | None = None
     uplift: RestUplift | None = None
+    built: BuiltStages | None = None
 
     @property
     def q(self) -> Floats | None:

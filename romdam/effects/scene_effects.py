@@ -6,6 +6,7 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.scene import Scene
 from romdam.effects.added_mass import added_mass
 from romdam.effects.compressible_water import compressible_water
+from romdam.effects.construction import construction
 from romdam.effects.damping import SolidDamping
 from romdam.effects.effect import Effect
 from romdam.effects.force_histories import force_histories
@@ -22,7 +23,8 @@ def scene_effects(
     """Make the effects of a scene.
 
     What supports displace is known to all others. Damping acts on the mass of incompressible water. Waves in
-    rock begin before the record, which waves in water then follow.
+    rock begin before the record, which waves in water then follow. Stages of construction are loads over the
+    unknowns of all others.
 
     Parameters
     ----------
@@ -45,5 +47,6 @@ def scene_effects(
         SolidDamping(scene, damping),
         incoming_waves(scene, damping),
         compressible_water(scene),
+        construction(scene),
     ]
     return tuple(effect for effect in effects if effect is not None)

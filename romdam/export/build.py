@@ -113,6 +113,7 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
         ),
         "ground.input: free_field": (scene.free_field is not None, "leave it out"),
         "loads.force_history": (bool(scene.force_histories), "leave it out"),
+        "construction": (bool(scene.construction), "leave it out"),
         "loads.initial_state.result": (scene.initial is not None, "let the run start from rest: static"),
         "supports[].motion": (scene.moving is not None, "let all supports move as the base does"),
         "water.model: compressible or incompressible": (

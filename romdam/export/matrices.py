@@ -106,6 +106,11 @@ def write(
             "export: loads.initial_state.result: matrices do not say what joints remember of another run; "
             "set static"
         )
+    if scene.construction:
+        raise ConfigError(
+            "export: construction: matrices do not say what joints count from once they are grouted; leave "
+            "it out"
+        )
     operators = gap_operators(scene, system.law.directions)
     written = [_write_system(system, folder / "system.h5")]
     for name, block in scene.blocks.items():

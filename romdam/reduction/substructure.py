@@ -17,6 +17,7 @@ from romdam.core.arrays import Bools, Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.scene import Block, Scene
 from romdam.effects.added_mass import AddedMass, WetMass, added_mass
+from romdam.effects.construction import construction
 from romdam.effects.effect import Effect
 from romdam.effects.moving_supports import CarriedInertia
 from romdam.effects.static_loads import StaticLoads, static_loads
@@ -82,14 +83,15 @@ def assemble_block_loads(
 
 
 def with_loads_of(loads: BlockLoads, scene: Scene) -> BlockLoads:
-    """The loads with the static loads, and the pressures of the water, of the scene at another level."""
-    static, water = static_loads(scene), added_mass(scene)
+    """The loads with static loads, stages and pressures of the water of the scene at another level."""
+    static, water, stages = static_loads(scene), added_mass(scene), construction(scene)
     pressed = dict(loads.pressed)
     more = {} if water is None else water.static_loads(None)
     width = max((load.shape[1] for load in more.values()), default=0)
     for name, before in pressed.items():
         pressure = more.get(name, np.zeros((len(before), width)))
-        pressed[name] = np.hstack([before, static.surface[name][:, None], pressure])
+        built = np.zeros((len(before), 0)) if stages is None else stages.surface[name]
+        pressed[name] = np.hstack([before, static.surface[name][:, None], pressure, built])
     return replace(loads, pressed=pressed)
 
 

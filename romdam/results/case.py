@@ -136,6 +136,10 @@ class Case:
         """Tell whether there are nodes with histories of stress."""
         return self.stress is not None and bool(self.sites.probes)
 
+    def was_built(self) -> bool:
+        """Tell whether there were stages of construction."""
+        return self.history.built is not None
+
     def has_sections(self) -> bool:
         """Tell whether forces on named sections were computed."""
         return self.stress is not None and bool(self.sites.sections)

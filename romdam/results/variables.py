@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
-from romdam.core.system import ENERGY_TERMS, STATES
+from romdam.core.system import ENERGY_TERMS, STATES, BuiltStages
 from romdam.results.case import Array, Attributes, Case, Variable
 from romdam.results.floor_variables import FLOOR_COORDINATES, FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_VARIABLES
@@ -85,6 +85,12 @@ def _peak(name: str, of: Quantity, written: Written) -> Variable:
         lambda case: written.sign * case.history.peaks[name],
         Case.has_joints,
     )
+
+
+def _built(case: Case) -> BuiltStages:
+    """The joints in the stages of construction."""
+    assert case.history.built is not None  # what `Case.was_built` tells
+    return case.history.built
 
 
 COORDINATES: dict[str, Variable] = {
@@ -168,7 +174,14 @@ COORDINATES: dict[str, Variable] = {
         "m",
         "initial gap after grouting, at which the opening of an unloaded gap starts, open positive",
         lambda c: c.history.gap,
-        lambda c: c.has_joints() and bool(c.of_gaps("grout").any()),
+        lambda c: c.has_joints() and (c.history.built is not None or bool(c.of_gaps("grout").any())),
+    ),
+    "construction_stage": Variable(
+        ("construction_stage",),
+        "",
+        "stage of construction",
+        lambda c: np.array(_built(c).names, dtype=str),
+        Case.was_built,
     ),
     "support": Variable(
         ("support",),
@@ -235,6 +248,28 @@ VARIABLES: dict[str, Variable] = {
         "resultant of the water in the joint on block J; block I has the opposite",
         lambda c: c.joint_sums((c.water_at_rest[:, None] * c.of_gaps("axes")[:, 0])[None])[0],
         Case.has_water_in_joints,
+    ),
+    "construction_opening": Variable(
+        ("construction_stage", "gap"),
+        "m",
+        "opening of the gap under the loads of the stage, before its grouting, open positive, since its "
+        "blocks were poured or since it was grouted; NaN where a block is not poured yet",
+        lambda c: _built(c).opening,
+        Case.was_built,
+    ),
+    "construction_normal_force": Variable(
+        ("construction_stage", "gap"),
+        "N",
+        "normal force of the gap under the loads of the stage, compression negative",
+        lambda c: 0.0 - _built(c).force,
+        Case.was_built,
+    ),
+    "construction_grouted": Variable(
+        ("construction_stage", "gap"),
+        "1",
+        "whether the gap is grouted at the end of the stage",
+        lambda c: _built(c).grouted.astype(float),
+        Case.was_built,
     ),
     "crack_at_rest": Variable(
         ("gap",),

@@ -11,7 +11,6 @@ import numpy as np
 from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.loads import InitialStateConfig
-from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.scene import (
     Block,
@@ -29,6 +28,7 @@ from romdam.geometry.gravity_dam import gravity_dam
 from romdam.geometry.matrices.block import held_by, refuse_unreached, with_matrices
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.sizes import refuse_large
+from romdam.scene.construction import construction_stages, stage_temperatures
 from romdam.scene.force_histories import build_force_histories
 from romdam.scene.ground.free_field import free_field
 from romdam.scene.ground.motion_along import along_remarks, motion_along
@@ -43,7 +43,6 @@ from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
-from romdam.scene.temperature import temperature_change
 from romdam.scene.ties import build_tie, merged_parts, refuse_tied
 
 _log = logging.getLogger(__name__)
@@ -125,6 +124,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         probes.append(
             Probe(name, probe.block, nearest_node(blocks[probe.block], probe.at, probe.tolerance, at))
         )
+    stages, changes = stage_temperatures(config, blocks, files, source)
     weightless = [
         piece
         for name, block in config.blocks.items()
@@ -141,7 +141,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         probes=tuple(probes),
         ties=ties,
         water=_water(config, blocks, source),
-        warmed=_warmed(config, blocks, files, source),
+        warmed={name: changes[name] for name in blocks if np.any(changes.get(name, 0.0))},
         excluded_from_gravity=dam.excluded_from_gravity | frozenset(weightless),
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
@@ -155,6 +155,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         else motion_along(config.ground.along, blocks, fixed, supported, f"{source}: ground.along"),
         force_histories=build_force_histories(config.loads.force_history, blocks, fixed, folder, source),
     )
+    scene = replace(scene, construction=construction_stages(config, scene, stages, source))
     refuse_unreached(scene, supported, source)
     of_state: tuple[str, ...] = ()
     if isinstance(config.loads.initial_state, InitialStateConfig):
@@ -226,35 +227,6 @@ def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydro
         refuse_level(load.level, [blocks[name].points[facets, 2] for name, facets in faces], location)
         loads += [Hydrostatic(name, facets, load.level, load.density * size) for name, facets in faces]
     return tuple(loads)
-
-
-def _warmed(
-    config: Config, blocks: dict[str, Block], files: MeshFiles, source: str
-) -> dict[str, float | Floats]:
-    changes, warmed = dict[str, float | Floats](), dict[str, int]()
-    for k, load in enumerate(config.loads.temperature):
-        location = f"{source}: loads.temperature[{k}]"
-        names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
-        stiff = [name for name in names if blocks[name].material.expansion == 0.0]
-        if stiff or not names:
-            what = f"block {stiff[0]!r} is of a material" if stiff else "no block is of a material"
-            raise ConfigError(
-                f"{location}: {what} "
-                f"{'without' if stiff else 'with'} thermal expansion; give materials.<name>.expansion, "
-                "about 1e-5 1/K for concrete"
-            )
-        for name in names:
-            if name in warmed:
-                earlier = config.loads.temperature[warmed[name]].change
-                change = "" if earlier is None else f" ({earlier:g} K)"
-                raise ConfigError(
-                    f"{location}: the change of block {name!r} is named by "
-                    f"loads.temperature[{warmed[name]}] already{change}, limit once; name each "
-                    "block once, with its whole change"
-                )
-            warmed[name] = k
-        changes |= temperature_change(load, names, blocks, files, location)
-    return {name: changes[name] for name in blocks if np.any(changes.get(name, 0.0))}
 
 
 def _refuse_joined_twice(config: Config, source: str) -> None:

@@ -73,6 +73,50 @@ def temperature_change(
     return {name: values - load.reference_of(name) for name, values in temperature.items()}
 
 
+def temperature_changes(
+    loads: Sequence[TemperatureConfig],
+    blocks: Mapping[str, Block],
+    files: MeshFiles,
+    source: str,
+    key: str = "loads.temperature",
+) -> dict[str, float | Floats]:
+    """Change of temperature that a list of loads names: block name -> of the block, or (n,) of its nodes [K].
+
+    Parameters
+    ----------
+    key : of the list, for messages
+
+    Raises
+    ------
+    ConfigError
+        as `temperature_change`; for blocks without thermal expansion, and blocks that are named twice.
+    """
+    changes, warmed = dict[str, float | Floats](), dict[str, int]()
+    for k, load in enumerate(loads):
+        location = f"{source}: {key}[{k}]"
+        names = load.blocks or [name for name, block in blocks.items() if block.material.expansion > 0.0]
+        stiff = [name for name in names if blocks[name].material.expansion == 0.0]
+        if stiff or not names:
+            what = f"block {stiff[0]!r} is of a material" if stiff else "no block is of a material"
+            raise ConfigError(
+                f"{location}: {what} "
+                f"{'without' if stiff else 'with'} thermal expansion; give materials.<name>.expansion, "
+                "about 1e-5 1/K for concrete"
+            )
+        for name in names:
+            if name in warmed:
+                earlier = loads[warmed[name]].change
+                change = "" if earlier is None else f" ({earlier:g} K)"
+                raise ConfigError(
+                    f"{location}: the change of block {name!r} is named by "
+                    f"{key}[{warmed[name]}] already{change}, limit once; name each "
+                    "block once, with its whole change"
+                )
+            warmed[name] = k
+        changes |= temperature_change(load, names, blocks, files, location)
+    return changes
+
+
 def slab_weights(
     share: Floats,
     thickness: Floats,

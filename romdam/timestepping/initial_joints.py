@@ -16,7 +16,7 @@ from romdam.core.system import System
 def with_joint_state(system: System) -> System:
     """The system whose joints have slipped, and lost, what they had in the state that its runs begin with.
 
-    A law that the joints had not got then starts afresh. Grouting, if any, has been done before.
+    A law that the joints had not got then starts afresh, or as construction and grouting have left it.
     """
     if system.initial is None:
         return system
@@ -28,14 +28,14 @@ def with_joint_state(system: System) -> System:
     def fresh(each: type[Law], values: Floats, gap: int) -> tuple[float, ...]:
         return each.initial(values, law.gap[gap])
 
-    memory = law_memory(law, fresh)
+    memory = law.memory.copy() if law.memory.size else law_memory(law, fresh)
     start, rows_then = memory.copy(), {name: k for k, name in enumerate(kept.laws)}
     for k, rows in enumerate(every_law(law)):
         key = law_key(rows.law)
         if key in rows_then:
             then, both = kept.arrays["memory"][rows_then[key]], rows.on & kept.laws[key]
             memory[k, both, : then.shape[1]] = then[both, : memory.shape[2]]
-    changed = bool((memory != start).any())
+    changed = bool(law.memory.size or (memory != start).any())
     return replace(
         system, law=replace(law, slipped=slipped, memory=memory if changed else np.zeros((0, 0, 0)))
     )

@@ -96,6 +96,8 @@ def simulate(
                 stats["uplift_iterations"] = float(system.uplift.iterations)
                 warnings = (*history.warnings, *system.uplift.warnings)
                 history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
+            if system.built is not None:
+                history = replace(history, built=system.built)
             if every_step:
                 history = thinned(history, settings.steps.base, stride)
         outcomes[i] = _finite(history, simulation.prepared.system.law)

@@ -24,6 +24,7 @@ from romdam.records.processing.support_motions import add_support_rows
 from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.timestepping.construction import constructed
 from romdam.timestepping.grouting import grouted
 
 DT = 0.01
@@ -93,6 +94,14 @@ KEYS = {
     },
     "water in joints": {"loads": {"joint_water": [{"joints": ["joint"], "level": 6.0}]}},
     "grouting": {"joints": {"grouting_pressure": 2e5}},
+    "staged construction": {
+        "construction": [
+            {"name": "blocks", "pour": ["right"]},
+            {"name": "cold", "temperature": [{"change": "-4 K", "blocks": ["left"]}]},
+            {"name": "lower", "grout": [{"joints": ["joint"], "below": 4.2}]},
+            {"name": "upper", "grout": [{"joints": ["joint"], "above": 4.2}]},
+        ]
+    },
     "modal damping": {"damping": {"modal": 0.04}},
 }
 
@@ -112,7 +121,7 @@ def job(*effects):
             rock = box([0, -10, -4], [8, 16, 4], [2, 4, 2], "rock")
             continue
         for section, keys in KEYS[name].items():
-            asked[section] = asked.get(section, {}) | keys
+            asked[section] = keys if isinstance(keys, list) else asked.get(section, {}) | keys
     rests = [
         {"block": "right", "face": "zmin"} | ({"motion": asked["supports"]} if "supports" in asked else {})
     ]
@@ -137,7 +146,7 @@ def job(*effects):
         "model": {"modes": "all"},
         "transient": {"finest_step": DT},
         "outputs": {"nodes": {"top": {"block": "left", "at": [0, 0, 8]}}},
-    } | {key: asked[key] for key in ("water", "ground") if key in asked}
+    } | {key: asked[key] for key in ("water", "ground", "construction") if key in asked}
 
 
 def shaking(scene, seconds=0.6):
@@ -175,7 +184,10 @@ def test_pair_at_full_order_and_reduced_with_all_modes(pair, monkeypatch):
     ratios = "modal damping" in pair  # whose matrix would be full on the mesh
     made = [reduce_scene(scene, ALL_MODES, config.damping).system]
     made += [] if ratios else [assemble_full(scene, config.damping)]
-    found = [simulated(grouted(one, 1e-8), shaking(scene), DT, "generalized_alpha") for one in made]
+    found = [
+        simulated(grouted(constructed(one, 1e-8), 1e-8), shaking(scene), DT, "generalized_alpha")
+        for one in made
+    ]
     for history in found:
         assert history.stats["ledger_imbalance"] < 1e-11
         assert (history.state != 0).mean() > 0.0 and history.jump.any()
@@ -193,7 +205,8 @@ def test_each_effect_changes_what_happens(before, name):
     for effects in (before, (*before, name)):
         config = parse_config(job(*effects), "s.yaml")
         scene = build_scene(config, Path(), "s.yaml")
-        system = grouted(reduce_scene(scene, ALL_MODES, config.damping).system, 1e-8)
+        system = constructed(reduce_scene(scene, ALL_MODES, config.damping).system, 1e-8)
+        system = grouted(system, 1e-8)
         jumps.append(simulated(system, shaking(scene), DT, "generalized_alpha").jump)
     assert np.abs(jumps[1] - jumps[0]).max() > 1e-3 * np.abs(jumps[0]).max()
 

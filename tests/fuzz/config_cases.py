@@ -82,8 +82,18 @@ _TWO: dict[str, Any] = {
                 "density": 1000.0,
             }
         ],
+        "hydrostatic": [{"level": "12 m", "faces": [{"block": "right", "face": "xmin"}]}],
         "initial_state": "static",
     },
+    "construction": [
+        {
+            "name": "winter",
+            "pour": ["right"],
+            "temperature": [{"change": "-3 K", "blocks": ["left"]}],
+            "level": "6 m",
+            "grout": [{"joints": ["gap"], "above": 0.0, "below": "30 m"}],
+        }
+    ],
     "damping": {"rayleigh": {"frequencies": ["5 Hz", "50 Hz"], "ratio": "5 %"}},
     "records": [
         {
@@ -340,7 +350,7 @@ def _others() -> dict[str, Any]:
     ]
     state = {"result": "state.nc", "take": "joints"}
     raw["joints"], raw["loads"] = {}, {"temperature": warm, "initial_state": state}
-    del raw["comparison"], raw["post_earthquake"]
+    del raw["comparison"], raw["post_earthquake"], raw["construction"]
     raw["ties"] = {"grown": {"between": ["left", "right"], "tolerance": 1e-3}}
     raw["blocks"]["left"] = {
         "material": "concrete",
@@ -388,6 +398,7 @@ def _waves() -> dict[str, Any]:
     rock = {**_BOX, "origin": [0, -5, -10], "size": [5, 15, 10]}
     raw["blocks"]["rock"] = {"material": "concrete", "weight": False, "box": rock}
     raw["ties"] = {name: {"between": [name, "rock"]} for name in ("left", "right")}
+    raw["construction"][0]["pour"] = ["left", "right"]
     sides = {"block": "rock", "faces": ["xmin", "xmax", "ymin", "ymax"], "distance": "20 m"}
     bottom = {"block": "rock", "faces": [{"axis": "z", "at": -10.0}]}
     raw["suite"] = {
@@ -493,7 +504,7 @@ def _write_matrices(folder: Path) -> None:
     from romdam.scene.build import build_scene
 
     at_rest = {key: load for key, load in _TWO["loads"].items() if key != "force_history"}
-    config = parse_config(_TWO | {"loads": at_rest}, "two.yaml")
+    config = parse_config(_TWO | {"loads": at_rest, "construction": []}, "two.yaml")
     scene = build_scene(config, folder, "two.yaml")
     write(scene, assemble_full(scene, config.damping), None, config.damping, folder)
 

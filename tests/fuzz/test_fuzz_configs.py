@@ -51,6 +51,8 @@ def finished(path: Path, out: Path) -> str:
     for result in run(job, out).paths:
         with xr.open_dataset(result, engine="h5netcdf") as dataset:
             for name, variable in dataset.data_vars.items():
+                if name == "construction_opening":  # of blocks that are there
+                    variable = variable[-1]
                 if variable.dtype.kind == "f" and "stress" not in str(name) and name not in UNDEFINED:
                     assert np.isfinite(variable.values).all(), f"{name} is not finite"
     return "valid"

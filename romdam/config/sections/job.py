@@ -9,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
+from romdam.config.construction import refuse_wrong_construction
 from romdam.config.coupling import coupling, refuse_coupled
 from romdam.config.effects import refuse_excluded
 from romdam.config.linear_stage import refuse_linear_stage
@@ -25,6 +26,7 @@ from romdam.config.quantities import (
     Time,
 )
 from romdam.config.sections.comparison import ComparisonConfig
+from romdam.config.sections.construction import ConstructionStageConfig
 from romdam.config.sections.floor_spectra import FloorSpectraConfig
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
@@ -253,6 +255,8 @@ class Config(Model):
     joints: dict[Name, JointConfig] = Field(default_factory=dict)
     ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
+    construction: tuple[ConstructionStageConfig, ...] = ()
+    """Stages in which the dam was built, before the loads act together."""
     water: WaterConfig | None = None
     damping: DampingConfig = DampingConfig()
     records: Annotated[tuple[RecordConfig, ...], Field(min_length=1)]
@@ -327,6 +331,7 @@ class Config(Model):
         parameters = self.suite.parameters.values() if self.suite else ()
         varied = [path for parameter in parameters for path in parameter.paths]
         refuse_excluded(self)
+        refuse_wrong_construction(self)
         if self.linear_stage is not None:
             refuse_linear_stage(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
@@ -354,6 +359,15 @@ class Config(Model):
         for i, warm in enumerate(self.loads.temperature):
             for block_name in warm.blocks or ():
                 self._known(f"loads.temperature[{i}].blocks", block_name, blocks)
+        for i, stage in enumerate(self.construction):
+            for block_name in (
+                *stage.pour,
+                *(name for warm in stage.temperature for name in warm.blocks or ()),
+            ):
+                self._known(f"construction[{i}]", block_name, blocks)
+            for zone in stage.grout:
+                for joint_name in zone.joints:
+                    self._known(f"construction[{i}].grout.joints", joint_name, self.every_joint)
         for i, force in enumerate(self.loads.force):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for i, history in enumerate(self.loads.force_history):

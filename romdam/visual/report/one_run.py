@@ -202,8 +202,12 @@ def loads_section(subject: RunSubject) -> Section:
     """Loads, water, ground and damping; resultants of the water in joints."""
     dataset, parts = subject.dataset, list[Part]()
     parts.append(
-        _keys_table(subject, "Loads, water, ground and damping", "loads", "water", "ground", "damping")
+        _keys_table(
+            subject, "Loads, water, ground and damping", "loads", "construction", "water", "ground", "damping"
+        )
     )
+    if "construction_opening" in dataset:
+        parts.append(_construction_table(subject))
     if "water_force" in dataset:
         values, unit = subject.column("N", dataset.water_force.values.ravel().tolist())
         of_joints = np.reshape(values, dataset.water_force.shape)
@@ -216,6 +220,30 @@ def loads_section(subject: RunSubject) -> Section:
         head = ["joint", *(f"{axis} [{unit}]" for axis in "xyz")]
         parts.append(Table(head, rows, "Resultant of the water in joints, on block J"))
     return Section("loads", "Loads", parts)
+
+
+def _construction_table(subject: RunSubject) -> Table:
+    """Largest opening of every joint by stage of construction, and where it is grouted."""
+    dataset, of_gaps = subject.dataset, subject.dataset.gap_joint.values
+    stages = [str(name) for name in dataset.construction_stage.values]
+    names = [str(name) for name in dataset.joint.values]
+    largest = np.full((len(names), len(stages)), np.nan)
+    for i, name in enumerate(names):
+        opening = dataset.construction_opening.values[:, of_gaps == name]
+        present = ~np.isnan(opening).all(axis=1)
+        largest[i, present] = np.nanmax(opening[present], axis=1)
+    shown, unit = subject.column("m", largest.ravel().tolist())
+    rows = list[list[Value]]()
+    for i, name in enumerate(names):
+        cells: list[Value] = [name]
+        grouted = dataset.construction_grouted.values[:, of_gaps == name]
+        for k in range(len(stages)):
+            value, share = shown[i * len(stages) + k], float(grouted[k].mean())
+            then = "" if share == 0.0 else ", then grouted" if share == 1.0 else ", then grouted in part"
+            cells.append("–" if np.isnan(value) else f"{number(value)}{then}")
+        rows.append(cells)
+    title = f"Largest opening by stage of construction, before its grouting [{unit}]"
+    return Table(["joint", *stages], rows, title)
 
 
 def motion_section(subject: RunSubject) -> Section:
