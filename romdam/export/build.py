@@ -115,7 +115,10 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
         "loads.force_history": (bool(scene.force_histories), "leave it out"),
         "construction": (bool(scene.construction), "leave it out"),
         "loads.initial_state.result": (scene.initial is not None, "let the run start from rest: static"),
-        "supports[].motion": (scene.moving is not None, "let all supports move as the base does"),
+        "supports[].motion, or ground.along": (
+            scene.moving is not None,
+            "let all supports move as the base does",
+        ),
         "water.model: compressible or incompressible": (
             water is not None and (water.solved or water.sound is not None),
             "set water.model: westergaard, whose mass stands at single nodes",

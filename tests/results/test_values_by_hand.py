@@ -7,7 +7,7 @@ stress node of five lies in the ring. Lengths below are in mm, forces in MN and 
 
 import numpy as np
 import pytest
-from scipy.sparse import eye
+from scipy.sparse import csr_matrix, eye
 
 from romdam.core.motion import ForceSignal, GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
@@ -140,7 +140,11 @@ def make_scene():
     sides = middle + np.array([[-0.5, 0, 0], [1.5, 0, 0], [0, -2, 0], [0, 1, 0]])
     cut = Section("cut", {}, {}, np.eye(3)[[2, 0, 1]], middle, 4.0, np.array([[2.0, 1], [1, 3]]), sides)
     sites = StressSites(nodes, faces, {"heel": ("high", 0), "toe": ("low", 1)}, 2.5 * MPA, (cut,))
-    moving = MovingSupports((SupportMotion(3, delay=0.1),), {name: -np.ones((8, 3), int) for name in blocks})
+    moving = MovingSupports(
+        (SupportMotion(3, delay=0.1, station=12.5),),
+        {name: -np.ones((8, 3), int) for name in blocks},
+        {name: csr_matrix(np.ones((8, 1))) for name in blocks},
+    )
     held = {name: np.zeros((8, 3), bool) for name in blocks}
     probes = (Probe("crest", "high", 5), Probe("foot", "low", 6))
     push = ForceHistory(
@@ -231,7 +235,9 @@ EXPECTED_COORDINATES = {
     "gap_area": (WHOLE, [2, 5, 2, 1, 2.5]),  # with what is held nearby
     "initial_gap": (WHOLE, [2e-3, 3e-3, 0, 1e-3, 0]),
     "grouted_gap": (WHOLE, [1e-3, 3e-3, 0, 1e-3, 0]),
-    "support": (WHOLE, ["supports[3]"]),
+    "support": (WHOLE, ["station 3"]),
+    "station_coordinate": (WHOLE, [12.5]),
+    "support_delay": (WHOLE, [0.1]),
     "force_history": (WHOLE, ["loads.force_history[0]"]),
     "node_block": (WHOLE, ["high", "low"]),
     "node_position": (WHOLE, [[2, 3, 6], [2, 3, 5]]),
