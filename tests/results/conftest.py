@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.sparse import eye
+from scipy.sparse import csr_matrix, eye
 
 from romdam import open_result
 from romdam.config import load_config
@@ -127,7 +127,9 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     fixed = {name: np.zeros((8, 3), dtype=bool) for name in blocks}
     probes = (Probe("top_left", "left", 6), Probe("top_right", "right", 5))
     moving = MovingSupports(
-        (SupportMotion(0, delay=0.1),), {name: np.zeros((8, 3), dtype=int) - 1 for name in blocks}
+        (SupportMotion(0, delay=0.1, station=12.5),),
+        {name: np.zeros((8, 3), dtype=int) - 1 for name in blocks},
+        {name: csr_matrix(np.ones((8, 1))) for name in blocks},
     )
     push = ForceHistory(
         "left", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.arange(2.0), np.ones(2))
