@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +47,8 @@ class FinishedRun:
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
         if self.estimate is not None and self.estimate.errors:
             stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
-        return Row(key, "", row_values(self.case, stated), self.kept)
+        warnings = tuple(json.loads(self.dataset.attrs["run_warnings"]))
+        return Row(key, "", row_values(self.case, stated), self.kept, warnings=warnings)
 
 
 def refuse_summary(job: Job, folder: Path | None, *files: str) -> None:

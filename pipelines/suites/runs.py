@@ -28,6 +28,7 @@ from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.suites.progress import Note
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.reduction.synthesis import DryModel, ReducedModel
+from romdam.results.dataset import case_warnings
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
 from romdam.scene.varied import part_factors
@@ -180,4 +181,5 @@ def _row(
     stated["wall_seconds"] = time.perf_counter() - wall
     stated["cpu_seconds"] = time.process_time() - cpu
     kept = None if suite.write is None else suite.write(suite, run, case, estimate)
-    return Row(run.key, "", row_values(case, stated), kept)
+    warnings = tuple(case_warnings(case, suite.job))
+    return Row(run.key, "", row_values(case, stated), kept, warnings=warnings)

@@ -20,6 +20,7 @@ _MASS = 0.1  # of the effective mass, in modes that do not follow the ground, fr
 _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
 _MOVES = 0.01  # of the largest speed, from which on a dam is not at rest
 _ON_TIME = 1e-9  # round-off of a time [s]
+COUNTED = ("the energy ledger is open", "the time-stepping error is about")  # what a suite counts itself
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
 
 

@@ -75,6 +75,17 @@ class Timing:
     cpu: dict[str, float]
 
 
+def case_warnings(case: Case, job: Job) -> list[str]:
+    """What is doubtful about a run, a sentence each."""
+    return [
+        *run_warnings(case.history.stats),
+        *unrest_warnings(case.motion, case.history),
+        *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
+        *sliding_warnings(case),
+        *case.history.warnings,
+    ]
+
+
 def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) -> xr.Dataset:
     """Put one case into a Dataset with units, names and provenance.
 
@@ -90,13 +101,6 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     upstream = upstream_of(job.config, scene)
     if upstream is not None:
         attributes["upstream"] = upstream
-    warnings = [
-        *run_warnings(history.stats),
-        *unrest_warnings(motion, history),
-        *crack_warnings(job.config.loads.joint_water, scene, history),
-        *sliding_warnings(case),
-        *history.warnings,
-    ]
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
         "source": f"romdam {romdam.__version__}",
@@ -106,7 +110,7 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         "record_peak_acceleration": motion.peak,
         "analysed_peak_acceleration": analysed(motion, job.config.transient.duration).peak,
         "scene_sha256": scene_digest(scene),
-        "run_warnings": json.dumps(warnings),
+        "run_warnings": json.dumps(case_warnings(case, job)),
         "model_order": job.config.model.order,
         "base": _BASES[job.config.ground.input],
         "integrator": history.integrator,

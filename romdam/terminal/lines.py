@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from romdam.core.machine import shown_size
 from romdam.core.printable import one_line
-from romdam.postprocess.run_warnings import LEDGER_LIMIT
+from romdam.postprocess.run_warnings import COUNTED, LEDGER_LIMIT
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,7 +93,7 @@ def cache_lines(kept: list[Entry], folder: Path, limit: float | None) -> list[st
 
 
 def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
-    """Count the runs of a suite that have an open energy ledger, or missed the wanted accuracy in time."""
+    """Count the runs of a suite that have an open energy ledger, missed the wanted accuracy, or warn else."""
     limits = {
         "ledger_imbalance": (LEDGER_LIMIT, "do not close their energy ledger within"),
         "estimated_time_error": (wanted, "did not reach, at the finest step allowed,"),
@@ -104,6 +104,10 @@ def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
         if beyond and limit is not None:
             worst = f"{name} says which, {100 * float(summary[name].max()):.2g} % at most"
             lines.append(f"{beyond} of {summary[name].size} runs {text} {100 * limit:g} %; {worst}")
+    for warned in json.loads(str(summary.attrs.get("run_warnings", "[]"))):
+        if not warned["warning"].startswith(COUNTED):  # which the lines above count
+            runs = f"{warned['runs']} of {summary.status.size} runs, {warned['record']} first"
+            lines.append(one_line(f"{runs}: {warned['warning']}"))
     return lines
 
 

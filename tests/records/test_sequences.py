@@ -14,7 +14,7 @@ from romdam.core.motion import GroundMotion
 from romdam.records.listing import list_records
 from romdam.records.processing.sequence import in_sequence
 from romdam.terminal.documents import info_document
-from romdam.terminal.lines import info_lines
+from romdam.terminal.lines import info_lines, suite_warning_lines
 from romdam.terminal.tables import check_tables, suite_table
 from romdam.visual.report.page import page
 from romdam.visual.report.parts import Table
@@ -219,6 +219,10 @@ def test_a_dam_that_still_moves_when_the_aftershock_comes_is_said(tmp_path):
     with romdam.open_suite(tmp_path / "out") as suite:
         summary = suite.to_dataset().load()
     assert summary.within_sequence.values.tolist() == ["after", ""]
+    slides, warned = json.loads(summary.attrs["run_warnings"])
+    assert slides["record"] == "main" and "still slides" in slides["warning"]
+    assert warned["runs"] == 1 and warned["record"] == "after" and "still moves" in warned["warning"]
+    assert f"1 of 2 runs, after first: {warned['warning']}" in suite_warning_lines(summary, None)
     table = suite_table(summary)
     cells = {str(column.header): list(column.cells) for column in table.columns}
     assert cells["runs"] == ["1"]

@@ -2,7 +2,9 @@
 
 import errno
 import io
+import json
 import logging
+import re
 import subprocess
 import time
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 import xarray as xr
 import yaml
 from cf_files import CHECKER, errors_of_the_checker, flaws
-from suite_jobs import BASE, command, differing, made, pulse, summary, write_job
+from suite_jobs import BASE, MU, command, differing, made, pulse, summary, write_job
 from test_cli import call
 
 import romdam
@@ -21,6 +23,7 @@ from romdam.pipelines.suites import run as pipeline
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.reduction.methods.craig_bampton import CraigBampton
 from romdam.results.suite.journal import JOURNAL, read_rows
+from romdam.terminal.lines import suite_warning_lines
 
 SAMPLES = {
     "scales": [0.5, 1.0],
@@ -354,3 +357,24 @@ def test_full_disk_stops_the_suite_and_loses_nothing(whole, tmp_path, monkeypatc
     (tmp_path / ".left.nc.123.part").write_text("by a writer that was killed")
     assert differing(outcome.summary, made(config, tmp_path).summary) == []
     assert not list(tmp_path.rglob("*.part"))
+
+
+def test_warnings_of_runs_stand_in_the_summary(tmp_path):
+    """Once for all runs that differ in its numbers alone, as their own results and the journal have them."""
+    config = write_job(tmp_path, records=2, suite={"parameters": MU, "keep": "full"})
+    outcome = made(config, tmp_path / "out")
+    stated = json.loads(outcome.summary.attrs["run_warnings"])
+    every = [
+        json.loads(xr.load_dataset(path).attrs["run_warnings"])
+        for path in (tmp_path / "out" / "runs").glob("*.nc")
+    ]
+    assert len(every) == 4 and sum(map(len, every)) > len(stated) > 0
+    assert sum(warned["runs"] for warned in stated) == sum(map(len, every))
+    assert {warned["warning"] for warned in stated} <= {text for texts in every for text in texts}
+    assert len({re.sub(r"[-+0-9.e]+", "", warned["warning"]) for warned in stated}) == len(stated)
+    lines = suite_warning_lines(outcome.summary, None)
+    assert (
+        lines[-1] == f"{stated[-1]['runs']} of 4 runs, {stated[-1]['record']} first: {stated[-1]['warning']}"
+    )
+    again = made(config, tmp_path / "out")
+    assert again.made == 0 and again.summary.attrs["run_warnings"] == outcome.summary.attrs["run_warnings"]

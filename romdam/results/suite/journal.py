@@ -94,7 +94,14 @@ def rewrite_rows(path: Path, rows: Iterable[Row]) -> None:
 def _line(row: Row) -> bytes:
     values = {name: np.asarray(value).tolist() for name, value in row.values.items()}
     kept = None if row.kept is None else vars(row.kept)
-    about = {"key": row.key, "message": row.message, "values": values, "kept": kept, "source": row.source}
+    about = {
+        "key": row.key,
+        "message": row.message,
+        "values": values,
+        "kept": kept,
+        "source": row.source,
+        "warnings": row.warnings,
+    }
     text = json.dumps(about).encode()
     return hashlib.sha256(text).hexdigest().encode() + b" " + text
 
@@ -108,6 +115,8 @@ def _row(line: bytes) -> Row | None:
         about = json.loads(text)
         values = {name: np.array(value, dtype=float) for name, value in about["values"].items()}
         kept = None if about["kept"] is None else Kept(**about["kept"])
-        return Row(about["key"], about["message"], values, kept, source=about.get("source", _UNSTATED))
+        warnings = tuple(map(str, about.get("warnings", ())))
+        source = about.get("source", _UNSTATED)
+        return Row(about["key"], about["message"], values, kept, source=source, warnings=warnings)
     except (ValueError, KeyError, TypeError, AttributeError):  # whole, but not of this version
         return None

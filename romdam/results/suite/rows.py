@@ -66,6 +66,7 @@ class Row:
     kept : its result file, where results are kept whole
     lasts : whether it fails again wherever it is made; a row that does not is not kept
     source : the version, and the code, that computed it
+    warnings : what is doubtful about the run, a sentence each
     """
 
     key: str
@@ -74,6 +75,7 @@ class Row:
     kept: Kept | None = None
     lasts: bool = True
     source: str = field(default_factory=source_of_rows)
+    warnings: tuple[str, ...] = ()
 
 
 def _at_rest(history: History) -> Floats:

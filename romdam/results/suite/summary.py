@@ -6,6 +6,7 @@ A plain job of several records is a suite of one scale and one sample.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -39,6 +40,7 @@ from romdam.results.variables import COORDINATES
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
 _RUN = ("record", "scale", "sample")
 _SINGLE = ("gap_peak_opening",)  # maps, in single precision
+_NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")  # but for those of names, as in J12
 _FOLDER, _BESIDE = "results_folder", "."  # attribute of the summary; a plain job's results lie beside it
 
 
@@ -150,6 +152,7 @@ def summary_dataset(
         "design_sha256": design.attrs["content_sha256"],
         "versions": library_versions(),
         "record_warnings": json.dumps(warnings),
+        "run_warnings": json.dumps(_distinct_warnings(records, rows)),
         _FOLDER: results_folder,
         "runs_sha256": fingerprint([(run, row.key) for run, row in sorted(rows.items(), key=itemgetter(0))]),
     }
@@ -161,6 +164,18 @@ def summary_dataset(
         return dataset
     hazard = suite_hazard(stated, job.folder, str(job.path))
     return with_hazard_of_response(dataset, hazard.curve, hazard.response, hazard.measure, hazard.levels)
+
+
+def _distinct_warnings(
+    records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
+) -> list[dict[str, object]]:
+    """Warnings of the runs, those that differ in numbers alone as one: text and record of the first run."""
+    found: dict[str, dict[str, Any]] = {}
+    for at in sorted(rows):
+        for text in dict.fromkeys(rows[at].warnings):
+            about = {"warning": text, "record": records[at[0]].name, "runs": 0}
+            found.setdefault(_NUMBER.sub("#", text), about)["runs"] += 1
+    return list(found.values())
 
 
 def _measures(job: Job, records: Sequence[SuiteRecord]) -> dict[str, Any]:

@@ -236,16 +236,21 @@ def failures_section(subject: Subject) -> Section:
 
 
 def warnings_section(subject: Subject) -> Section | None:
-    """Warnings of the records, a row for each text."""
+    """Warnings of the runs and of the records, a row for each text."""
+    parts = list[Part]()
+    of_runs = json.loads(str(subject.summary.attrs.get("run_warnings", "[]")))
+    if of_runs:
+        warned: list[list[Value]] = [[one["runs"], one["record"], one["warning"]] for one in of_runs]
+        parts.append(Table(["runs", "the first", "warning"], warned, "Of runs, numbers of the first"))
     said = json.loads(str(subject.summary.attrs.get("record_warnings", "{}")))
     groups: dict[str, list[str]] = {}
     for name, texts in said.items():
         for text in texts:
             groups.setdefault(str(text), []).append(str(name))
-    if not groups:
-        return None
     rows: list[list[Value]] = [[", ".join(names), text] for text, names in groups.items()]
-    return Section("warnings", "Warnings of the records", [Table(["records", "warning"], rows)])
+    if rows:
+        parts.append(Table(["records", "warning"], rows, "Of records"))
+    return Section("warnings", "Warnings", parts) if parts else None
 
 
 def reproduction_section(subject: Subject) -> Section:
