@@ -22,7 +22,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import Coordinates, History, RestUplift
+from romdam.core.system import BuiltStages, Coordinates, History, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, summarise
 from romdam.results.case import Case
@@ -180,6 +180,12 @@ def make_history():
         1e5 * np.array([2.0, 0, 0, 3, 0]), np.array([1.5, 0, np.nan, np.nan, np.nan]), 7, 1e-10
     )
     stats = {"ledger_imbalance": 1e-9, "estimated_time_error": 0.02, "finest_step": 0.0025, "steps": 321.0}
+    built = BuiltStages(
+        ("winter", "lake"),
+        MM * np.array([[2, 1, 0, np.nan, np.nan], [3, 1, 0, 5, 4]]),
+        MN * np.array([[0, 0, 3, 0, 0], [0, 0, 2, 1, 0]]),
+        np.array([[True, True, False, False, False], [False, False, False, True, True]]),
+    )
     return History(
         time=0.4 * np.arange(6), jump=MM * np.stack([OPENING, SLIP_J, SLIP_K], axis=2), traction=traction,
         mean_traction=np.stack([mean, 0.2 * mean, 0.3 * mean], axis=2), state=STATE.astype(np.uint8),
@@ -190,7 +196,7 @@ def make_history():
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
         forces=rows_of(LOAD, [6e3]),
-        uplift=uplift,
+        uplift=uplift, built=built,
     )  # fmt: skip
 
 
@@ -234,6 +240,7 @@ EXPECTED_COORDINATES = {
     "gap_tangent": (slice(3, 5), [[[0, 0, 1], [1, 0, 0]], [[0, -0.8, 0.6], [1, 0, 0]]]),
     "gap_area": (WHOLE, [2, 5, 2, 1, 2.5]),  # with what is held nearby
     "initial_gap": (WHOLE, [2e-3, 3e-3, 0, 1e-3, 0]),
+    "construction_stage": (WHOLE, ["winter", "lake"]),
     "grouted_gap": (WHOLE, [1e-3, 3e-3, 0, 1e-3, 0]),
     "support": (WHOLE, ["station 3"]),
     "station_coordinate": (WHOLE, [12.5]),
@@ -283,6 +290,9 @@ EXPECTED_OF_JOINTS = {
     "dissipated_energy": (3, [5, 10, 0.5, 1, 2]),
     "water_pressure": (WHOLE, [1.5e5, 2e5, 2e5, 3e5, 2e5]),  # over areas of 2, 4, 0.5, 1 and 2.5
     "water_force": (WHOLE, [[0, 11e5, 0], [0, 7e5, 4e5]]),  # 4e5 along y and 5e5 along (0, 0.6, 0.8)
+    "construction_opening": (WHOLE, [[2e-3, 1e-3, 0, np.nan, np.nan], [3e-3, 1e-3, 0, 5e-3, 4e-3]]),
+    "construction_normal_force": (WHOLE, [[0, 0, -3e6, 0, 0], [0, 0, -2e6, -1e6, 0]]),
+    "construction_grouted": (WHOLE, [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]),
     "crack_at_rest": (WHOLE, [1.5, 0, np.nan, np.nan, np.nan]),
     "peak_opening": (WHOLE, [4.5e-3, 6.5e-3]),
     "peak_opening_time": (WHOLE, [1.1, 1.65]),  # not the last of a joint
