@@ -273,7 +273,13 @@ def _bounds(memory: GapMemory, i: int, p: float) -> tuple[float, float]:
 
 @njit(**ARRAYS)
 def follow_step(
-    laws: Laws | None, problem: GapProblem, memory: GapMemory, tolerance: float, share: float, coupled: bool
+    laws: Laws | None,
+    problem: GapProblem,
+    memory: GapMemory,
+    tolerance: float,
+    share: float,
+    coupled: bool,
+    cautious: bool,
 ) -> float:
     """Correct the limits that depend on the step, from the solution in `memory.step`.
 
@@ -285,6 +291,7 @@ def follow_step(
     tolerance : change of a limit, relative to the largest force, that counts as none
     share : fraction of Newton's correction that is applied; below 1 it ends cycles
     coupled : whether the forces of closed and of sticking gaps answer a change of the limits
+    cautious : whether falling limits are followed only, and not anticipated: slower, without Newton's cycles
 
     Returns
     -------
@@ -377,7 +384,7 @@ def follow_step(
             A[a, c] = _along(problem.W, of[a], of[c], heading[a], heading[c])
     if coupled and tensions > 0:
         _answer_of_others(problem.W, memory, d, of[:count], heading[:count], corrected, A)
-    change = _newton(slope[:count], A, of[:count], kind[:count], missing[:count], tensions > 0)
+    change = _newton(slope[:count], A, of[:count], kind[:count], missing[:count], tensions > 0, cautious)
     for a in range(count):
         i = of[a]
         new = max(X[a] + share * change[a], 0.0)
@@ -394,7 +401,9 @@ def follow_step(
 
 
 @njit(cache=True)
-def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pulled: bool) -> Floats:
+def _newton(
+    slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pulled: bool, cautious: bool
+) -> Floats:
     """Solve (I + L' A) dX = L - X; falling slopes are left out if the gaps cannot unload as fast.
 
     Parameters
@@ -402,6 +411,7 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
     slope : (m, 2) of each limit with the opening and the slip of its gap [N/m]
     A : (m, m) jumps per force along the corrected forces [m/N]
     pulled : whether tensions are among the limits: then the solution is stable if all pivots are positive
+    cautious : whether falling slopes are left out in any case
     """
     count = len(missing)
     rows = np.zeros((count, count))
@@ -409,8 +419,8 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
         for c in range(count):
             if of[c] == of[a]:
                 rows[a] += slope[a, WITH_SLIP if kind[c] == SHEAR_J else WITH_OPENING] * A[c]
-    stable = True
-    if pulled:
+    stable = not cautious
+    if pulled and stable:
         left = rows + np.eye(count)
         for a in range(count):
             stable = stable and left[a, a] > 0.0
@@ -419,7 +429,7 @@ def _newton(slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pul
     system = np.eye(count)
     for a in range(count):
         rise = slope[a, WITH_SLIP if kind[a] == SHEAR_J else WITH_OPENING]
-        if rise >= 0.0 or (stable if pulled else np.abs(rows[a]).sum() <= _STEEPEST):
+        if rise >= 0.0 or (stable if pulled or cautious else np.abs(rows[a]).sum() <= _STEEPEST):
             system[a] += rows[a]
     return np.asarray(np.linalg.solve(system, missing))
 

@@ -33,6 +33,7 @@ from romdam.core.system import OPEN, SLIP, STICK
 _MOST_LIMITS = 120  # solutions of a step whose limits follow it
 _FEW_LIMITS = 20  # of these, after which falling limits that come slowly to rest, or not at all, may be off
 _LOOSE = 3  # of these, after which the answer of the gaps whose forces are none of the limits counts too
+_CAUTIOUS = 40  # of these, after which no falling limit is anticipated
 _LIMIT_CHANGE, _LAST_LIMIT_CHANGE = 1e-11, 1e-3  # of the largest force: change of a limit that is none
 
 
@@ -97,8 +98,9 @@ def solve_gaps(
             observe_step(problem.laws, problem, memory, y)
             few = solution < _FEW_LIMITS
             enough = max(tolerance, _LIMIT_CHANGE) if few else _LAST_LIMIT_CHANGE
-            share = 1.0 if few else 0.5
-            change = follow_step(problem.laws, problem, memory, enough, share, solution >= _LOOSE)
+            share = 1.0 if few or solution >= _CAUTIOUS else 0.5
+            cautious = solution >= _CAUTIOUS
+            change = follow_step(problem.laws, problem, memory, enough, share, solution >= _LOOSE, cautious)
             if change <= enough:
                 break
         if change > enough:

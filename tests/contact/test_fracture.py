@@ -8,6 +8,7 @@ from test_law_steps import OneGap
 from romdam.config import parse_config
 from romdam.contact.laws import Fracture
 from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.fracture import SHAPES, energy_share, strength_share
 from romdam.core.errors import ConfigError
 from romdam.core.system import OPEN, STICK, GapLaw, LawRows
 
@@ -61,6 +62,18 @@ def test_opening_takes_the_fracture_energy_whatever_the_step(shape, K_n, steps):
     assert gap.stored == pytest.approx(0.0, abs=1e-9 * G)
     if np.isinf(K_n):
         assert work == pytest.approx(G, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["linear", "exponential", "bilinear"])
+def test_a_crack_that_is_wide_open_has_nothing_left_to_lose(shape):
+    """Not even 1e-10 of it, which every later step would have to agree on."""
+    assert strength_share(SHAPES.index(shape), 23.0) == 0.0
+    assert strength_share(SHAPES.index(shape), 22.9) <= 1.2e-10
+    length = energy_share(SHAPES.index(shape), 1e3)
+    assert energy_share(SHAPES.index(shape), 23.0) == length
+    assert quad(lambda r: strength_share(SHAPES.index(shape), r), 0.0, 30.0, points=[0.8 / 3.6, 1.0, 23.0])[
+        0
+    ] == pytest.approx(length, rel=1e-9)
 
 
 @pytest.mark.parametrize("shape", ["linear", "exponential", "bilinear"])

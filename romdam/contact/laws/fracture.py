@@ -31,6 +31,7 @@ _STEEPEST = (1.0, 1.0, 3.0)  # of each shape: largest fall of the strength's sha
 _KINK = 0.8 / 3.6  # damage at the kink of the bilinear curve, where a third of the strength is left
 _NO_CRACK = 1e-9  # of the opening that damage counts in: what opens by less is round-off
 _SMALL = 1e-5  # damage of a step below which its mean strength is that at the middle
+_END = 23.0  # damage at which the exponential curve ends: 1e-10 of strength and energy are left there
 _LOST = 1e3  # damage that leaves nothing, of any shape
 _STEEPEST_FRICTION = 2.75  # tan 70 degrees: of Barton and Bandis, at low stress
 
@@ -41,8 +42,8 @@ DAMAGE, WIDEST, CRACK, STORED, DISSIPATED = range(5)
 @njit(cache=True)
 def strength_share(shape: float, damage: float) -> float:
     """Share of the strength that is left, phi."""
-    if shape == EXPONENTIAL:
-        return math.exp(-damage)
+    if shape == EXPONENTIAL:  # without an end, cracks that are long open would have forces to agree on
+        return math.exp(-damage) if damage < _END else 0.0
     if shape == BILINEAR and damage < _KINK:
         return 1.0 - 3.0 * damage
     return max(1.0 - damage, 0.0) / (3.0 * (1.0 - _KINK) if shape == BILINEAR else 1.0)
@@ -52,7 +53,7 @@ def strength_share(shape: float, damage: float) -> float:
 def energy_share(shape: float, damage: float) -> float:
     """Integral of phi from no damage on."""
     if shape == EXPONENTIAL:
-        return -math.expm1(-damage)
+        return -math.expm1(-min(damage, _END))
     r = min(damage, 1.0)
     if shape == LINEAR:
         return r - 0.5 * r * r
