@@ -28,7 +28,7 @@ from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.suites.progress import Note
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.reduction.synthesis import DryModel, ReducedModel
-from romdam.results.dataset import case_warnings
+from romdam.results.case_warnings import case_warnings
 from romdam.results.suite.rows import Row, row_values
 from romdam.results.variables import Case
 from romdam.scene.varied import part_factors

@@ -45,7 +45,12 @@ def _places(laws: Iterable[type[Law]]) -> dict[str, Parameter]:
     return keys
 
 
-_JOINT = {**_places(LAWS), "gap": _GAP}
+_FIELD = {
+    "field.seed": Parameter("seed", ""),
+    "field.coefficient_of_variation": Parameter("coefficient_of_variation", "", above=True),
+    "field.length": Parameter("length", "m", above=True),
+}
+_JOINT = {**_places(LAWS), "gap": _GAP, **_FIELD}
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,11 @@ from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
-from romdam.postprocess.run_warnings import crack_warnings, run_warnings, unrest_warnings
 from romdam.results.case import rock_blocks, upstream_of
+from romdam.results.case_warnings import case_warnings
 from romdam.results.checking import check_run
 from romdam.results.final_state import write_final_state
 from romdam.results.renamed import with_names_of_now
-from romdam.results.sliding import sliding_warnings
 from romdam.results.stress.faces import of_faces, peak_shares
 from romdam.results.variables import COORDINATES, VARIABLES, Case
 
@@ -73,17 +72,6 @@ class Timing:
 
     wall: dict[str, float]
     cpu: dict[str, float]
-
-
-def case_warnings(case: Case, job: Job) -> list[str]:
-    """What is doubtful about a run, a sentence each."""
-    return [
-        *run_warnings(case.history.stats),
-        *unrest_warnings(case.motion, case.history),
-        *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
-        *sliding_warnings(case),
-        *case.history.warnings,
-    ]
 
 
 def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) -> xr.Dataset:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from romdam.scene.mortar.interface import mortar_interface
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.patches import coarsen_gaps, mean_normal
+from romdam.scene.strength_field import field_factors, scaled_keys
 from romdam.scene.ties import Part
 
 _log = logging.getLogger(__name__)
@@ -105,7 +107,7 @@ def build_joint(
         face=_linear_face(surface, face.corner),
         corner=face.corner,
         element_stiffness=of_elements,
-        **_properties(joint, face.area, face.position, folder, location, of_elements),
+        **_properties(name, joint, face.area, face.position, folder, location, of_elements),
     )
     joint_of_nodes = _without_held_gaps(every_gap, fixed, parts, location)
     if not isinstance(joint.spacing, float):
@@ -114,7 +116,9 @@ def build_joint(
     coarse = coarsen_gaps(joint_of_nodes, surface, joint.spacing, along, location)
     nodes, gaps = len(joint_of_nodes.area), len(coarse.area)
     _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, gaps, nodes)
-    return replace(coarse, **_properties(joint, coarse.area, coarse.position, folder, location, of_elements))
+    return replace(
+        coarse, **_properties(name, joint, coarse.area, coarse.position, folder, location, of_elements)
+    )
 
 
 def _linear_face(surface: Surface, corner: Ints) -> JointFace:
@@ -188,12 +192,15 @@ def with_properties(joint: Joint, config: JointConfig, folder: Path, source: str
         for a wrong gap table.
     """
     location = f"{source}: joints.{joint.name}"
-    properties = _properties(config, joint.area, joint.position, folder, location, joint.element_stiffness)
+    properties = _properties(
+        joint.name, config, joint.area, joint.position, folder, location, joint.element_stiffness
+    )
     loads = tuple(rows for rows in joint.laws if not find_law(rows.law).parameters)  # as water in cracks
     return replace(joint, **properties | {"laws": (*properties["laws"], *loads)})
 
 
 def _properties(
+    name: str,
     joint: JointConfig,
     area: Floats,
     position: Floats,
@@ -211,13 +218,17 @@ def _properties(
         gap = table_gap(folder / joint.gap.table, position, f"{location}.gap.table")
     else:
         gap = np.full(len(position), joint.gap)
+    rows = partial(_rows, keys=keys, area=area)
+    if joint.field is not None:
+        at_gaps = _keys_at_gaps(name, joint, keys, position, location)
+        rows = partial(_rows_of_gaps, at_gaps=at_gaps, area=area)
     everywhere = np.ones(len(area), dtype=np.bool_)
     return {
         "gap": gap,
-        **{law.array: _rows(law, keys, area)[:, 0] for law in LAWS if law.array and law is not Coulomb},
-        "mu": _rows(Coulomb, keys, area),
+        **{law.array: rows(law)[:, 0] for law in LAWS if law.array and law is not Coulomb},
+        "mu": rows(Coulomb),
         "laws": tuple(
-            LawRows(source_of(law), _rows(law, keys, area), everywhere, law.needs_shear(keys))
+            LawRows(source_of(law), rows(law), everywhere, law.needs_shear(keys))
             for law in joint.every_law
             if not law.array
         ),
@@ -228,6 +239,35 @@ def _rows(law: type[Law], keys: Mapping[str, Any], area: Floats) -> Floats:
     """Parameters of a law at every gap, (n, p)."""
     areas, which = np.unique(area, return_inverse=True)  # most gaps of a regular mesh have the same few
     return np.array([law.row(keys, float(each)) for each in areas])[which]
+
+
+def _keys_at_gaps(
+    name: str, joint: JointConfig, keys: Mapping[str, Any], position: Floats, location: str
+) -> list[dict[str, Any]]:
+    """Keys of the joint's laws at every gap, some of them a random field.
+
+    Raises
+    ------
+    ConfigError
+        for a field of what the joint has not, and where its laws do not take what a gap gets.
+    """
+    assert joint.field is not None
+    at_gaps = []
+    for place, factor in zip(position, field_factors(joint.field, position, name), strict=True):
+        scaled = scaled_keys(keys, joint.field.of, float(factor), location)
+        if wrong := next(filter(None, (law.wrong(scaled) for law in joint.every_law)), None):
+            at = ", ".join(f"{x:.6g}" for x in place)
+            raise ConfigError(
+                f"{location}.field: the factor is {factor:.4g} at ({at}), where {wrong}; name both keys in "
+                "field.of, or take a smaller coefficient_of_variation"
+            )
+        at_gaps.append(scaled)
+    return at_gaps
+
+
+def _rows_of_gaps(law: type[Law], at_gaps: Sequence[Mapping[str, Any]], area: Floats) -> Floats:
+    """Parameters of a law at every gap, (n, p), from the keys of each."""
+    return np.array([law.row(keys, float(each)) for keys, each in zip(at_gaps, area, strict=True)])
 
 
 def local_axes(normal: Floats) -> Floats:

@@ -25,7 +25,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import ENERGY_TERMS, Coordinates, History, RestUplift
+from romdam.core.system import ENERGY_TERMS, BuiltStages, Coordinates, History, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
@@ -87,6 +87,8 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
     mean = 0.5 * traction
     strength = 0.6 * traction[..., :1] * np.ones(2) if directions == 3 else np.zeros((0, gaps, 2))
     bonded = rng.random(size=(len(strength), gaps)) < 0.5
+    stages = np.ones((2, gaps))
+    built = BuiltStages(("winter", "summer"), 1e-3 * stages, 1e6 * stages, stages > 0.0)
     return History(
         time=time, jump=jump, traction=traction, mean_traction=mean, state=state, disp=disp, vel=vel, acc=acc,
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
@@ -94,7 +96,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
-        uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0),
+        uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0), built=built,
     )  # fmt: skip
 
 

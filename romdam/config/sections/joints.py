@@ -10,7 +10,7 @@ from pydantic import Field, Tag, ValidationError, ValidationInfo, model_validato
 
 from romdam.config.base import Model, by_shape
 from romdam.config.explain import explain
-from romdam.config.quantities import Length
+from romdam.config.quantities import Dimensionless, Length
 from romdam.config.sections.joint_laws import JointLaws, UserLaw, read_user_laws
 from romdam.config.sections.places import Direction, Tolerance
 from romdam.contact.laws import LAWS, Bond, ElasticShear, ShearStiffness
@@ -44,6 +44,34 @@ Spacing = Annotated[
 ]
 
 
+class StrengthField(Model):
+    """Strengths that vary along a joint at random: a lognormal factor of mean 1 at every gap."""
+
+    of: Annotated[
+        tuple[
+            Literal[
+                "friction",
+                "friction_static",
+                "tensile_strength",
+                "cohesion",
+                "fracture.tensile_strength",
+                "fracture.energy",
+                "fracture.cohesion",
+                "fracture.shear_energy",
+            ],
+            ...,
+        ],
+        Field(min_length=1),
+    ]
+    """Keys of the joint that the factor multiplies, all by the same one."""
+    coefficient_of_variation: Annotated[Dimensionless, Field(gt=0.0, le=2.0)]
+    """Standard deviation of the factor, whose mean is 1."""
+    length: Annotated[Length, Field(gt=0.0)]
+    """Correlation length: the factor's logarithm has a correlation of exp(-distance / length)."""
+    seed: Annotated[Dimensionless, Field(ge=0.0)] = 1.0
+    """Number that the field is drawn by: each has another field; joints of one seed are independent."""
+
+
 class JointProperties(JointLaws):
     """Properties of gap elements, wherever they stand.
 
@@ -54,6 +82,8 @@ class JointProperties(JointLaws):
     law: tuple[UserLaw, ...] = ()
     gap: InitialGap = 0.0
     """Initial opening: a length, or a table of lengths."""
+    field: StrengthField | None = None
+    """Random field of strengths along the joint."""
     gaps: Literal["nodes", "corners"] = "nodes"
     """Places of the gaps: every node of the faces, or corners of quadratic facets only."""
     spacing: Spacing | None = None
