@@ -251,6 +251,7 @@ def test_correlation_of_equal_and_undamped_modes():
     assert rho == pytest.approx(rho.T, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["srss", "100-40-40", "100-30-30"])
 def test_largest_normal_stress_over_all_directions(rule):
     """Against 60,000 directions at random tensors of every sign."""

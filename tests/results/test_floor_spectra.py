@@ -199,6 +199,7 @@ def test_full_and_reduced_order_agree():
     np.testing.assert_allclose(full.sel(component=["y", "z"]), reduced.sel(component=["y", "z"]), rtol=3e-3)
 
 
+@pytest.mark.slow
 def test_supports_that_all_move_alike_are_the_base_moving():
     """Twice the record's motion at every support is the record doubled: accelerations are absolute."""
     keys = {"outputs__floor_spectra": {"frequencies": [0.5, 2, 5, 10, 20, 30]}}

@@ -152,6 +152,7 @@ TURNS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TURNS)
 def test_a_turned_model_goes_on_and_is_judged_as_before(name, tmp_path):
     """What joints remember of an earthquake (`take: joints`), and the verdict on it, turn with the model."""

@@ -73,6 +73,7 @@ def test_a_tower_pulled_off_takes_the_energy_of_its_whole_joint(tmp_path, size, 
     assert np.abs(found.energy_residual.values).max() <= 1e-9 * np.abs(found.energy_input.values).max()
 
 
+@pytest.mark.slow
 def test_load_against_crack_opening_converges_with_the_mesh(tmp_path):
     """Pushed over, cracked from the heel: the load at openings of 50 and 100 um of the heel, against that of
     elements of 0.125 m. Of 0.25 m it is off by 1.6 %, with gaps 0.5 m apart by 3.7 %, of 0.5 m by 5.0 %."""
