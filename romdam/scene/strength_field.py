@@ -58,7 +58,8 @@ def scaled_keys(keys: Mapping[str, Any], of: tuple[str, ...], factor: float, loc
                 f"{location}.field.of: {path} is {'not given' if value is None else '0'} in this joint; give "
                 "it a value, or leave it out of the field"
             )
-        within[key] = tuple(factor * np.asarray(value)) if isinstance(value, list | tuple) else factor * value
+        both = isinstance(value, list | tuple)
+        within[key] = tuple(factor * each for each in value) if both else factor * value
         if section:
             scaled[section] = within
     return scaled

@@ -300,7 +300,11 @@ def _suite() -> dict[str, Any]:
     raw["damping"] = {"rayleigh": {"alpha": 0.5, "beta": 1e-3}}
     raw["transient"] = {"accuracy": 0.05}
     raw["joints"]["gap"]["gap"] = {"table": "gaps.csv"}
-    raw["joints"]["gap"]["field"] = {"of": ["friction"], "coefficient_of_variation": 0.2, "length": "5 m"}
+    raw["joints"]["gap"]["field"] = {
+        "of": ["friction", "friction_static"],
+        "coefficient_of_variation": 0.2,
+        "length": "5 m",
+    }
     raw["joints"]["gap"] |= {"cohesion": 0.0, "tensile_strength": 0.0}
     del (
         raw["joints"]["gap"]["shear_key"],
