@@ -98,8 +98,8 @@ def solve_gaps(
             observe_step(problem.laws, problem, memory, y)
             few = solution < _FEW_LIMITS
             enough = max(tolerance, _LIMIT_CHANGE) if few else _LAST_LIMIT_CHANGE
-            share = 1.0 if few or solution >= _CAUTIOUS else 0.5
             cautious = solution >= _CAUTIOUS
+            share = 1.0 if few or cautious else 0.5
             change = follow_step(problem.laws, problem, memory, enough, share, solution >= _LOOSE, cautious)
             if change <= enough:
                 break

@@ -138,6 +138,31 @@ def test_joints_grouted_at_two_temperatures_have_no_common_reference(friction):
         assert np.abs(gaps.force[late, 1:]).max(initial=0.0) < 1e-9 * pressed
 
 
+@pytest.mark.parametrize("friction", [False, True])
+def test_grout_keeps_the_pressure_that_it_sets_under(friction):
+    """Of the pump where a joint was open, of the pillars where it was pressed; both change with the
+    temperature after that: forces of two bars and a spring."""
+    pressure, area = 0.5e6, WIDE**2
+    per_kelvin = ALPHA * 2 * LENGTH / (2 * LENGTH / (E * area) + 1.0 / (STIFFNESS * area))
+    stages = [
+        {"name": "cold", "temperature": [{"change": "-4 K"}], "grout": [{"joints": ["early"]}]},
+        {"name": "warm", "temperature": [{"change": "1 K"}], "grout": [{"joints": ["late"]}]},
+    ]
+    for change in ("1 K", "-3 K", "-5 K"):
+        raw = pillars(stages, change, friction)
+        raw["joints"]["early"]["grouting_pressure"] = pressure
+        warmer = {"early": float(change.split()[0]) + 4.0, "late": float(change.split()[0])}
+        forces = {
+            "early": pressure * area + per_kelvin * warmer["early"],
+            "late": max(per_kelvin * warmer["late"], 0.0),
+        }
+        for system in systems(raw)[1]:
+            _, gaps = static_equilibrium(system, 1e-12)
+            for name, force in forces.items():
+                found = gaps.force[system.law.joints[name], 0].sum()
+                assert found == pytest.approx(force, rel=1e-9, abs=1e-6)  # N
+
+
 def monoliths(stages, **more):
     """Three cantilevers of unequal height; weight, and pressure that closes their joints and bends them."""
     heights, blocks = (6.0, 10.0, 8.0), {}
