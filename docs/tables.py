@@ -52,7 +52,6 @@ CODES = {  # indices and states
 INDICES = {"components.py", "state.py"}
 TUNED = {  # what is no code in files full of them
     ("pardiso.py", "SINGLE_TOLERANCE"), ("pardiso.py", "_TOLERANCE"), ("pardiso.py", "_WIDTH"),
-    ("mode_split.py", "_SLOW"),
 }  # fmt: skip
 
 

@@ -58,11 +58,9 @@ GAUSS_SEIDEL = "romdam.contact.solvers.gauss_seidel"
 CONDENSATION = "romdam.contact.solvers.condensation"
 VARIED: dict[str, tuple[object, ...]] = {
     "force_change": (0.001, 0.003, 0.01, 0.03),
-    "quasi_static_ratio": (0.35, 0.5, 0.7, 1.0, 1e9),
     "cuts": ((2, 2, 2), (4, 2), (8,)),
     "tolerance": (1e-6, 1e-8, 1e-10),
     "romdam.contact.problem:_HALF_WAY": (20.0, 40.0, 70.0, 150.0, 1e9),
-    "romdam.timestepping.modal.mode_split:_SLOW": (20.0, 50.0, 100.0),
     "romdam.timestepping.modal.loop:_CALM": (0, 2, 4),
     f"{GAUSS_SEIDEL}:_GAIN": (0.1, 0.6),
     f"{GAUSS_SEIDEL}:_SINGLE": (1e-5, 1e-3),

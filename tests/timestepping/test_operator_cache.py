@@ -44,7 +44,6 @@ CHANGES = [
 INTEGRATORS = [
     ("adaptive", {}),
     ("adaptive", {"midpoint": False}),
-    ("adaptive", {"quasi_static_ratio": 0.01}),
     ("generalized_alpha", {"rho_inf": 0.5}),
 ]
 

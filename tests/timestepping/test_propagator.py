@@ -119,6 +119,31 @@ def test_many_small_steps_are_one_large_step():
     assert np.abs(v - whole.v_q - whole.v_p).max() <= 1e-11 * np.sqrt(k.max())
 
 
+@pytest.mark.parametrize("dt", STEPS)
+@pytest.mark.parametrize("tau", [1e-6, 1e-3, 0.05, 10.0])
+def test_without_mass_a_force_is_followed_exponentially(tau, dt):
+    """c q' + k q = f + p, f from f_0 to f_1: q and v in closed form, works by the energy of the spring."""
+    k, c, rng = 3e4, 3e4 * tau, np.random.default_rng(1)
+    step = modal_propagator(np.array([k]), np.array([c]), dt, np.array([True]))
+    for _ in range(10):
+        q, f_0, f_1, p = rng.standard_normal(4)
+        rate = (f_1 - f_0) / dt
+        left = q - (f_0 + p - rate * tau) / k
+        q_1 = left * np.exp(-dt / tau) + (f_1 + p - rate * tau) / k
+        v_1 = -left / tau * np.exp(-dt / tau) + rate / k
+        assert step.q_v[0] == step.v_v[0] == 0.0
+        got = step.q_q[0] * q + step.q_0[0] * f_0 + step.q_1[0] * f_1 + step.q_p[0] * p
+        fast = step.v_q[0] * q + step.v_0[0] * f_0 + step.v_1[0] * f_1 + step.v_p[0] * p
+        assert got == pytest.approx(q_1, rel=1e-10, abs=1e-10 * (abs(q) + 1.0 / k))
+        assert fast == pytest.approx(v_1, rel=1e-9, abs=1e-10 * (abs(left) / tau + abs(rate) / k))
+        z = np.array([q, 0.0, f_0 + p, rate])
+        work = z[2] * (q_1 - q) + rate * (step.moment[:, 0] @ z)
+        loss = np.outer(z, z)[np.triu_indices(4)] @ step.loss[:, 0]
+        stored = 0.5 * k * (q_1**2 - q**2)
+        assert loss >= 0.0
+        assert stored + loss == pytest.approx(work, rel=1e-9, abs=1e-9 * (0.5 * k * q**2 + loss))
+
+
 def test_no_modes():
     step = modal_propagator(np.zeros(0), np.zeros(0), 0.01)
     assert step.q_q.shape == (0,) and step.loss.shape == (10, 0)

@@ -1,4 +1,4 @@
-"""Exact modal propagation with steps cut where contact changes, damped high modes as a flexibility."""
+"""Exact modal propagation with steps cut where contact changes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from romdam.core.final_state import FinalState
 from romdam.core.system import History
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.integrator import ModalIntegrator
-from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
 from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, merged_final, merged_start
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
@@ -29,7 +28,6 @@ class Adaptive(ModalIntegrator):
     Attributes
     ----------
     force_change, shear_change, midpoint : see `ModalIntegrator`
-    quasi_static_ratio : modes damped above this ratio answer a joint force as a relaxing flexibility
     merge_contacts : whether gaps that provably move alike are integrated as one
     """
 
@@ -37,7 +35,6 @@ class Adaptive(ModalIntegrator):
     force_change: float = 0.003
     shear_change: float = 0.00001
     midpoint: bool = True
-    quasi_static_ratio: float = 0.7
     merge_contacts: bool = True
 
     @classmethod
@@ -48,12 +45,6 @@ class Adaptive(ModalIntegrator):
     def steps(self, finest: float, coarse: float, interval: float | None) -> Steps:
         """Cut a coarse step down to the finest."""
         return cut_steps(finest, coarse, interval)
-
-    def split(self, prepared: Prepared, step: float) -> ModeSplit:
-        """Let the strongly damped modes be quasi-static."""
-        return prepared.cache.get_or_compute(
-            "split", lambda: split_by_damping(prepared.system, self.quasi_static_ratio)
-        )
 
     def advance(
         self, simulations: Sequence[Simulation], settings: Settings, progress: Progress

@@ -52,7 +52,7 @@ def history_of_rows(
         rows, acc, follows = at(rows, slice(0)), acc[:, :0], follows[:0]
     else:
         coordinates = Coordinates(partial(_whole_motion, system, split, rows, follows))
-        kinetic, strain = 0.5 * (rows.v**2).sum(axis=1), 0.5 * (rows.q**2) @ k
+        kinetic, strain = 0.5 * (rows.v**2) @ system.M.diagonal()[dynamic], 0.5 * (rows.q**2) @ k
         if len(model.R):  # the relaxed flexibility
             strain = strain + 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)
         energy = ledger(rows.energies, kinetic, np.asarray(strain))

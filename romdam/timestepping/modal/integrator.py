@@ -12,7 +12,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.system import History, System
 from romdam.timestepping.integrators.protocol import Outcome, Progress
-from romdam.timestepping.modal.mode_split import ModeSplit, split_by_damping
+from romdam.timestepping.modal.mode_split import ModeSplit, split_by_mass
 from romdam.timestepping.modal.runs import integrate_batch
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
@@ -76,7 +76,7 @@ class ModalIntegrator:
 
     def split(self, prepared: Prepared, step: float) -> ModeSplit:
         """Choose the dynamic modes for a base step [s]."""
-        return prepared.cache.get_or_compute("split", lambda: split_by_damping(prepared.system, math.inf))
+        return prepared.cache.get_or_compute("split", lambda: split_by_mass(prepared.system))
 
     def advance(
         self, simulations: Sequence[Simulation], settings: Settings, progress: Progress

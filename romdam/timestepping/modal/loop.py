@@ -12,8 +12,9 @@ below the base step, so the propagators and flexibilities of every level exist b
 the fixed-step scheme. On the two-cantilever model the finest step sets the error (0.3 % at 0.000625 s, as for
 a fixed step of that size) at a third of the steps.
 
-Strongly damped modes are not states. They answer the joint force as a flexibility R that relaxes with their
-common time tau = c/k (stiffness-proportional damping gives beta to all): tau s' + s = p, u_r = R s.
+Every mode with mass is a state, however strongly it is damped. Unknowns without mass (residual flexibilities,
+massless rock) have none: they answer the joint force as a flexibility R that relaxes with their common time
+tau = c/k: tau s' + s = p, u_r = R s.
 
 Many runs are integrated together: in turn each takes its own next step, at its own time and level, exactly
 the step it would take alone; only the products with G and R are made for all at once.

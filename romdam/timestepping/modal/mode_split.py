@@ -1,4 +1,4 @@
-"""Dynamic and quasi-static modes, and the arrays of both that the hot loop needs."""
+"""Dynamic modes and unknowns that answer as a flexibility, and the arrays of both that the hot loop needs."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from romdam.timestepping.modal.integrator import ModalIntegrator
     from romdam.timestepping.modal.symmetry import Symmetry
 
-_SLOW = 50.0  # [Hz] a strongly damped mode below this moves with the ground and stays dynamic
+_ALIKE = 1e-9  # relative difference of relaxation times that count as one
 
 
 @dataclass(frozen=True)
 class ModeSplit:
-    """Dynamic modes, and quasi-static ones, which answer a joint force as a flexibility that may relax.
+    """Dynamic modes, and unknowns that answer a joint force as one flexibility, which may relax.
 
     Attributes
     ----------
@@ -48,13 +48,13 @@ class ModeSplit:
 
     @property
     def follows_ground(self) -> bool:
-        """Whether the quasi-static modes follow the ground; those of a massless boundary have no inertia."""
+        """Whether the quasi-static unknowns follow the ground; those of a massless boundary do not."""
         return not (self.taper < 1.0).any()
 
     def ground_answer(self, system: System) -> Floats:
-        """Displacement of the quasi-static modes per unit ground acceleration, (quasi-static, loads) [s2].
+        """Displacement of the quasi-static unknowns per unit ground acceleration, (quasi-static, loads) [s2].
 
-        They are stiff and strongly damped, so the inertia of the ground's motion is a static load to them.
+        What they carry without a mass of their own, such as water, is a static load to them.
         """
         if not self.follows_ground:
             return np.zeros((len(self.quasi_static), system.load.shape[1]))
@@ -74,24 +74,24 @@ def make_split(system: System, dynamic: Ints, quasi_static: Ints, taper: Floats)
     return ModeSplit(dynamic, quasi_static, tapered, rest, taper)
 
 
-def split_by_damping(system: System, ratio: float) -> ModeSplit:
-    """Split the modes of a diagonal system by their damping ratio.
+def split_by_mass(system: System) -> ModeSplit:
+    """Split the unknowns of a diagonal system: every one with mass is dynamic, however strongly it is damped.
 
-    A mode with xi = c / (2 omega) of 0.7 or more answers a force by relaxing to it, without overshoot
-    worth a state. With stiffness-proportional damping these are the high modes: on the two-cantilever
-    model half of all, at no visible cost in error; lightly damped modes always are dynamic, and unknowns
-    without mass never.
-
-    Parameters
-    ----------
-    ratio : damping ratio above which a mode is quasi-static; inf makes every mode with mass dynamic
+    Unknowns without mass follow k q + c q' = f. Those without damping follow at once, and those that relax
+    with one time constant c / k follow together: they are quasi-static, one flexibility for all of them. If
+    there are several time constants (parts without mass and of different damping), the flexibility takes
+    those that follow at once, or else the most frequent time constant, and the rest are dynamic: the
+    propagator knows unknowns without mass.
     """
-    k, c = system.K.diagonal(), system.C.diagonal()
-    elastic = k > (2.0 * np.pi * _SLOW) ** 2
-    rests = elastic.copy()
-    rests[elastic] = c[elastic] > 2.0 * ratio * np.sqrt(k[elastic])
-    rests |= system.M.diagonal() == 0.0
-    dynamic, quasi_static = np.flatnonzero(~rests), np.flatnonzero(rests)
+    massless = np.flatnonzero(system.M.diagonal() == 0.0)
+    tau = system.C.diagonal()[massless] / system.K.diagonal()[massless]
+    order = np.argsort(tau, kind="stable")
+    group = np.empty(len(tau), dtype=np.int64)
+    group[order] = np.cumsum(np.diff(tau[order], prepend=0.0) > _ALIKE * tau[order])
+    at_once = tau == 0.0
+    together = at_once if at_once.any() else group == np.bincount(group, minlength=1).argmax()
+    quasi_static = massless[together]
+    dynamic = np.setdiff1d(np.arange(system.size), quasi_static)
     return make_split(system, dynamic, quasi_static, np.ones(len(dynamic)))
 
 
@@ -249,19 +249,17 @@ class _Motion:
     ) -> Self:
         """Make them for one system."""
         k, c = prepared.system.K.diagonal(), prepared.system.C.diagonal()
+        massless = prepared.system.M.diagonal()[split.dynamic] == 0.0
         sizes, whole, symmetry = steps.sizes, prepared.whole or prepared, prepared.symmetry
         of_whole = split if symmetry is None else integrator.split(whole, steps.base)
-        # relaxation time: mean of c/k weighted by what each mode adds to the gaps' flexibility
-        rests, tau = of_whole.quasi_static, 0.0
-        k_rest, c_rest = whole.system.K.diagonal()[rests], whole.system.C.diagonal()[rests]
-        weight = (of_whole.G_quasi**2).sum(axis=0) / k_rest
-        if len(rests) and weight.sum() > 0.0:
-            tau = float((weight * c_rest / k_rest).sum() / weight.sum())
+        rests = of_whole.quasi_static
+        times = whole.system.C.diagonal()[rests] / whole.system.K.diagonal()[rests]
+        tau = float(times.mean()) if len(rests) else 0.0  # all are equal
         decay = np.array([np.exp(-dt / tau) if tau > 0.0 else 0.0 for dt in sizes])
 
         def level(dt: float) -> tuple[Propagator, Floats]:
             """Propagator of the dynamic modes, and half their flexibility over the step."""
-            step = modal_propagator(k[split.dynamic], c[split.dynamic], dt)
+            step = modal_propagator(k[split.dynamic], c[split.dynamic], dt, massless)
             return step, 0.5 * ((split.G * step.q_p) @ split.G.T)
 
         levels = [
@@ -287,9 +285,10 @@ def _single_flexibility(
     d = symmetry.signs.shape[1]
     rows = (d * np.unique(symmetry.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
     k_dynamic, c_dynamic = k[split.dynamic], c[split.dynamic]
+    massless = whole.system.M.diagonal()[split.dynamic] == 0.0
     responses = [
         whole.cache.get_or_compute(
-            ("response", *split.key, dt), partial(response_to_force, k_dynamic, c_dynamic, dt)
+            ("response", *split.key, dt), partial(response_to_force, k_dynamic, c_dynamic, dt, massless)
         )
         for dt in sizes
     ]

@@ -2,7 +2,8 @@
 
 Each mode q'' + c q' + k q = f(t) + p, with f linear over the step and p constant, is advanced by the
 exponential of its augmented matrix on z = (q, v, f, f'). Nothing is divided by a frequency, so rigid
-and overdamped modes are ordinary cases. The works over the step are exact too,
+and overdamped modes are ordinary cases. An unknown without mass, c q' + k q = f(t) + p, has the velocity
+v = (f + p - k q) / c in place of a state of its own. The works over the step are exact too,
 
     int v f dt = f(0) (q(h) - q(0)) + f' (moment . z),   int c v^2 dt = z^T D z,
 
@@ -15,6 +16,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 
@@ -54,7 +56,9 @@ class Propagator(NamedTuple):
     loss: Floats
 
 
-def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
+def modal_propagator(
+    k: Floats, c: Floats, dt: float, massless: NDArray[np.bool_] | None = None
+) -> Propagator:
     """Exact step coefficients.
 
     Parameters
@@ -62,6 +66,7 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     k : (m,) modal stiffness omega^2 [1/s2], zero for rigid modes
     c : (m,) modal damping coefficient 2 xi omega [1/s]
     dt : step [s]
+    massless : (m,) unknowns without mass, whose k and c are positive; none by default
 
     Returns
     -------
@@ -69,10 +74,11 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     """
     # exponential and the two Gramians by Taylor series and doubling: X(2 tau) = X(tau) + E^T X E adds
     # positive terms only; the usual block exponential would overflow for strongly damped modes
-    m, (A, scale, doublings) = len(k), _generator(k, c, dt)
+    m, (A, scale, velocity, doublings) = len(k), _generator(k, c, dt, massless)
     forms = np.zeros((2, m, 4, 4))
-    forms[_WORK, :, VEL, FORCE] = forms[_WORK, :, FORCE, VEL] = 0.5 * scale
-    forms[_LOSS, :, VEL, VEL] = c * scale**2
+    forms[_WORK, :, :, FORCE] = 0.5 * velocity
+    forms[_WORK] += forms[_WORK].transpose(0, 2, 1)
+    forms[_LOSS] = c[:, None, None] * velocity[:, :, None] * velocity[:, None, :]
     X = np.zeros((2, m, 4, 4))
     shares, weights = _gauss()
     *steps, E = _exponentials(A, shares)
@@ -83,6 +89,8 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
         E = E @ E
     unscale = np.ones((m, 4))
     unscale[:, VEL] = 1.0 / scale
+    if massless is not None and massless.any():
+        E[massless, VEL] = (velocity[massless, None] @ E[massless])[:, 0] / scale[massless, None]
     E = E * unscale[:, None, :] / unscale[:, :, None]
     X = X * unscale[:, None, :] * unscale[:, :, None]
     work, loss = X[_WORK], X[_LOSS]
@@ -109,27 +117,40 @@ def modal_propagator(k: Floats, c: Floats, dt: float) -> Propagator:
     )
 
 
-def response_to_force(k: Floats, c: Floats, dt: float) -> Floats:
+def response_to_force(k: Floats, c: Floats, dt: float, massless: NDArray[np.bool_]) -> Floats:
     """`Propagator.q_p` to the bit, without the rest; see `modal_propagator`."""
-    A, _, doublings = _generator(k, c, dt)
+    A, _, _, doublings = _generator(k, c, dt, massless)
     *_, E = _exponentials(A, _gauss()[0])  # all of them: a product of fewer rows has other bits
     for _ in range(doublings):
         E = E @ E
     return E[:, DISP, FORCE].copy()
 
 
-def _generator(k: Floats, c: Floats, dt: float) -> tuple[Floats, Floats, int]:
-    """Generator (m, 4, 4) times a step that takes so many doublings, and the scale (m,) of velocities."""
-    scale = np.maximum(np.sqrt(k), 1.0 / dt)  # v is carried as v / scale, which balances A
-    A = np.zeros((len(k), 4, 4))
-    A[:, DISP, VEL] = scale
+def _generator(
+    k: Floats, c: Floats, dt: float, massless: NDArray[np.bool_] | None
+) -> tuple[Floats, Floats, Floats, int]:
+    """Generator of the modes' motion on z, whose velocity is carried as v / scale, which balances it.
+
+    Returns
+    -------
+    (A, scale, velocity, doublings) : A (m, 4, 4) times a step that takes so many doublings; scale (m,);
+        velocity (m, 4), v as a linear form of z
+    """
+    scale = np.maximum(np.sqrt(k), 1.0 / dt)
+    A, velocity = np.zeros((len(k), 4, 4)), np.zeros((len(k), 4))
+    velocity[:, VEL] = scale
     A[:, VEL, DISP] = -k / scale
     A[:, VEL, VEL] = -c
     A[:, VEL, FORCE] = 1.0 / scale
+    if massless is not None and massless.any():
+        A[massless, VEL] = velocity[massless] = 0.0
+        velocity[massless, DISP] = -k[massless] / c[massless]
+        velocity[massless, FORCE] = 1.0 / c[massless]
+    A[:, DISP] = velocity
     A[:, FORCE, RATE] = 1.0
     norm = np.abs(A).sum(axis=2).max(initial=1.0) * dt
     doublings = max(0, int(np.ceil(np.log2(norm / _NORM))))
-    return A * (dt / 2.0**doublings), scale, doublings
+    return A * (dt / 2.0**doublings), scale, velocity, doublings
 
 
 @cache
