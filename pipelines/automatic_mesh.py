@@ -12,12 +12,14 @@ from romdam.config.other_mesh import (
     on_finer_mesh,
     on_quadratic_elements,
     with_contact_points,
+    with_gaps_at_every_node,
     with_mesh_of,
 )
 from romdam.config.sections.transient import MESH_SHARE
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import ErrorStatement, percent
+from romdam.pipelines.error.sibling import MANY_MORE
 from romdam.pipelines.simulation import Model
 from romdam.results.case import Case
 from romdam.timestepping.integrators.protocol import Progress
@@ -79,23 +81,46 @@ class _Tried:
     jobs: dict[str, Job] = field(default_factory=dict)
     trials: dict[str, Trial] = field(default_factory=dict)
     statements: dict[str, ErrorStatement] = field(default_factory=dict)
+    judged_by: dict[str, tuple[str, bool]] = field(default_factory=dict)  # mesh -> other mesh, whether finer
 
     def compare(self, coarse: str, fine: str) -> str | None:
         """Run two meshes, one of half the size of the other; the coarser one that keeps the share, if any."""
         self.run(coarse)
         self.run(fine)
-        runs = self.trials[coarse].run, self.trials[fine].run
-        self.statements[coarse] = discretisation(*runs, finer=True, about=self.about)  # better than before
-        self.statements[fine] = discretisation(*runs[::-1], finer=False, about=self.about)
+        self.judge(coarse, fine)  # better than before
         if self.error(coarse) <= self.share:
             return coarse
         if _TRUSTED < self.error(fine) <= self.share:
             finer = self.mesh(f"{fine}, halved", on_finer_mesh(self.jobs[fine]))
             self.run(finer)
-            runs = self.trials[fine].run, self.trials[finer].run
-            self.statements[fine] = discretisation(*runs, finer=True, about=self.about)
-            self.statements[finer] = discretisation(*runs[::-1], finer=False, about=self.about)
+            self.judge(fine, finer)
         return fine if self.error(fine) <= self.share else None
+
+    def judge(self, coarse: str, fine: str) -> None:
+        """State the errors of two meshes by each other."""
+        self.judged_by |= {coarse: (fine, True), fine: (coarse, False)}
+        for name in (coarse, fine):
+            self.statements[name] = self.statement(name)
+
+    def statement(self, name: str, points: tuple[MeshRun, MeshRun] | None = None) -> ErrorStatement:
+        """The error of a mesh, and of its contact points where runs are given that tell it."""
+        other, finer = self.judged_by[name]
+        runs = self.trials[name].run, self.trials[other].run
+        return discretisation(*runs, finer=finer, about=self.about, points=points)
+
+    def with_contact_points(self, name: str) -> ErrorStatement:
+        """The error of a mesh and of its contact points, by the smallest mesh with many more nodes."""
+        if with_gaps_at_every_node(self.jobs[name]) is None:
+            return self.statements[name]
+        for tried in sorted(self.statements, key=lambda each: self.trials[each].run.unknowns):
+            every_node = with_gaps_at_every_node(self.jobs[tried])
+            assert every_node is not None
+            points = self.mesh(f"{tried}, a gap at every node", every_node)
+            self.run(points)
+            pair = self.trials[tried].run, self.trials[points].run
+            if len(pair[1].position) >= MANY_MORE * len(pair[0].position) or tried == name:
+                break
+        return self.statement(name, pair)
 
     @property
     def share(self) -> float:
@@ -154,10 +179,12 @@ class _Tried:
             }
             for tried, trial in self.trials.items()
         ]
-        statement = self.statements[name]
+        statement = self.with_contact_points(name)
+        spaced = "contact_points" in statement.details
+        remedy = " If contact points leave too much, leave `spacing` out or make it auto." if spaced else ""
         sentence = (
             f"{statement.sentence} Of {len(table)} meshes tried this one, {name}, was chosen: the mesh may "
-            f"leave {percent(self.share)} of the total of {percent(self.total)} that was asked for."
+            f"leave {percent(self.share)} of the total of {percent(self.total)} that was asked for.{remedy}"
         )
         details = dict(statement.details) | {"asked": self.total, "meshes": table}
         return MeshChoice(

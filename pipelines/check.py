@@ -184,7 +184,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             of_linear = check_linear_stage(job, scene, motions, clock, store)
             job = replace(job, scene_warnings=tuple(dict.fromkeys((*job.scene_warnings, *of_linear))))
         model = build_model(job, clock, store, estimated=True, scene=scene)
-        sibling = build_sibling(job, clock, store)
+        sibling = build_sibling(job, scene, clock, store)
     settings = settings_for(job, model.prepared, motions[0])
     duration, steps = job.config.transient.duration, dict[str, int]()
     for motion in motions:

@@ -168,7 +168,8 @@ def _run_parts(
         history, _ = with_estimates(cut, model, window, history)
         times.append(cpu_time())
         if isinstance(sibling, Sibling):
-            simulate_motion(sibling.job, sibling.model.prepared, window, length)
+            for other in sibling.others:
+                simulate_motion(other.job, other.model.prepared, window, length)
         times.append(cpu_time())
         stress_of(model.scene, model.stress, history)
         times.append(cpu_time())

@@ -17,12 +17,9 @@ import xarray as xr
 
 from romdam.config.load import Job, Source, naming_lines
 from romdam.config.other_mesh import with_compared_stress, with_mesh_of
-from romdam.config.sections.transient import MOST_ACCURACY
+from romdam.config.sections.transient import MESH_SHARE, MOST_ACCURACY
 from romdam.core.errors import (
     ConfigError,
-    ConvergenceError,
-    MeshError,
-    ReductionError,
     ResultError,
     describe_error,
     placed,
@@ -42,7 +39,7 @@ from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with
 from romdam.pipelines.automatic_modes import choose_modes, with_modes
 from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
 from romdam.pipelines.error.estimate import can_estimate, variable_models, with_estimates
-from romdam.pipelines.error.sibling import NoSibling, Sibling, run_with_stress, sibling_job, with_stress
+from romdam.pipelines.error.sibling import NoSibling, Sibling, find_sibling, run_with_stress, with_stress
 from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
@@ -262,7 +259,7 @@ def _run(
     if model.prepared.goes_on_from is not None:
         with placed(job.path):
             refuse_other_start(model.prepared.goes_on_from, [model.prepared])
-    of_mesh = choice or build_sibling(job, clock, store)
+    of_mesh = choice or build_sibling(job, scene, clock, store)
     with in_background(partial(_shared, model, goal, clock), model.mesh_unknowns) as shared:
         rows, last, undrawn = _run_all(
             job, model, motions, (goal, shared), clock, of_mesh, lone=len(read) == 1
@@ -328,26 +325,15 @@ def usable_motions(job: Job, read: Read, *, summarised: bool) -> list[GroundMoti
     return motions
 
 
-def build_sibling(job: Job, clock: Clock, store: BlockStore | None) -> Sibling | NoSibling | None:
-    """The job on another mesh, where the error of its own is to be stated.
-
-    Raises
-    ------
-    ConfigError
-        where there is no such mesh, or the job does not go with it, and a job asks for that one.
-    """
+def build_sibling(
+    job: Job, scene: Scene, clock: Clock, store: BlockStore | None
+) -> Sibling | NoSibling | None:
+    """What states the error of the mesh of a scene, where it is to be stated; see `find_sibling`."""
     asked = job.config.outputs.mesh_error
     if not asked or (asked == "auto" and not job.config.every_joint):
         return None
-    finer = asked == "finer"
-    try:
-        with clock.stage("mesh_model", "reducing the blocks of another mesh, for the error of this one"):
-            other = sibling_job(job, finer=finer)
-            return Sibling(other, with_stress(build_model(other, Clock(silent), store)), finer)
-    except (ConfigError, ConvergenceError, MeshError, ReductionError) as error:
-        if asked == "auto":
-            return NoSibling(str(error).removeprefix(f"{job.path}: "))
-        raise ConfigError(f"{job.path}: outputs.mesh_error: no {asked} mesh: {error}") from None
+    with clock.stage("mesh_model", "reducing the blocks of another mesh, for the error of this one"):
+        return find_sibling(job, scene, store)
 
 
 def _run_all(
@@ -471,7 +457,7 @@ def choose_mesh_and_modes(
         clock.wall["mesh_choice"] = time.perf_counter() - wall
         clock.cpu["mesh_choice"] = cpu_time() - cpu
         log.info("%s", choice.statement.sentence)
-        left = total - choice.statement.errors["opening"].l2
+        left = max(total - choice.statement.errors["opening"].l2, (1.0 - MESH_SHARE) * total)
         job = with_accuracy(with_mesh_of(job, choice.job), min(left / 2.0, MOST_ACCURACY))
     job = with_spacing_chosen(job, motions, clock, store)
     return with_modes_chosen(job, motions, clock, store), choice

@@ -2,29 +2,88 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from romdam.config.load import Job
-from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
-from romdam.core.errors import describe_error, recoverable
+from romdam.config.other_mesh import (
+    on_coarser_mesh,
+    on_finer_mesh,
+    with_compared_stress,
+    with_gaps_at_every_node,
+    with_steps_of,
+)
+from romdam.core.errors import (
+    ConfigError,
+    ConvergenceError,
+    MeshError,
+    ReductionError,
+    describe_error,
+    placed,
+    recoverable,
+)
+from romdam.core.scene import Scene
 from romdam.core.system import History
+from romdam.effects.full_order import assemble_full
 from romdam.error.discretisation import MeshRun, discretisation, mesh_run
 from romdam.error.statement import ErrorStatement
-from romdam.pipelines.simulation import Model, simulate_motion
+from romdam.fem.stress import observing_stress
+from romdam.geometry.elements import ELEMENTS
+from romdam.pipelines.automatic_modes import with_modes, with_vectors
+from romdam.pipelines.moving_supports import scene_of
+from romdam.pipelines.simulation import Model, prepare, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.node_spectra import node_spectra
 from romdam.postprocess.stress.summary import StressSummary
+from romdam.reduction.mode_choice import mode_choice
+from romdam.reduction.storage.model_file import BlockStore
+from romdam.reduction.synthesis import reduce_scene
 from romdam.results.case import Case
 from romdam.timestepping.integrators.protocol import Progress
+
+_NO_MESH = (ConfigError, ConvergenceError, MeshError, ReductionError)  # why a job does not go with a mesh
+_MOST_UNKNOWNS, _MOST_GAPS = 60_000, 800  # of a finer mesh that is run without being asked for
+MANY_MORE = 2.5  # times the contact points: from here on a coarser mesh's nodes stand for every node
+_DENSE, _MANY_MODES = 3_000, 100  # unknowns above which another mesh takes so many modes in place of all
+
+
+@dataclass(frozen=True)
+class OtherModel:
+    """A job on another mesh or with other contact points, and its model with stress."""
+
+    job: Job
+    model: Model
+
+    def run(self, case: Case, progress: Progress) -> MeshRun:
+        """Run the motion of a case, with the steps that it took."""
+        job = with_steps_of(self.job, case.history.stats["finest_step"])
+        seconds = float(case.history.time[-1])
+        history = simulate_motion(job, self.model.prepared, case.motion, seconds, progress)
+        return run_with_stress(self.model, history)
 
 
 @dataclass(frozen=True)
 class Sibling:
-    """A job on a mesh of half the size of the elements (`finer`), or twice, and its model with stress."""
+    """What a run is made on again, to state the error of its mesh and of its contact points.
 
-    job: Job
-    model: Model
+    Attributes
+    ----------
+    mesh : elements of half the size (`finer`), or of twice
+    second : elements of four times the size, which show the order; None where there is no such mesh
+    points : a gap at every node, in place of `spacing`; None where the job has a gap at every node
+    points_of_sibling : whether `points` has the sibling's mesh, otherwise the run's own
+    """
+
+    mesh: OtherModel
     finer: bool
+    second: OtherModel | None = None
+    points: OtherModel | None = None
+    points_of_sibling: bool = False
+
+    @property
+    def others(self) -> list[OtherModel]:
+        """All models that are run."""
+        return [other for other in (self.mesh, self.second, self.points) if other is not None]
 
     def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
@@ -34,12 +93,14 @@ class Sibling:
         model : of the run
         case : the run, its history and stress as `stress_of` returns them
         """
-        motion, seconds = case.motion, float(case.history.time[-1])
         try:
-            other = simulate_motion(self.job, self.model.prepared, motion, seconds, progress)
-            pair = run_of(model, case.history, case.stress), run_with_stress(self.model, other)
-            about = {"record": motion.name, "seconds": seconds}
-            return discretisation(*pair, finer=self.finer, about=about)
+            run, sibling = run_of(model, case.history, case.stress), self.mesh.run(case, progress)
+            second = None if self.second is None else self.second.run(case, progress)
+            points = None
+            if self.points is not None:
+                points = (sibling if self.points_of_sibling else run, self.points.run(case, progress))
+            about = {"record": case.motion.name, "seconds": float(case.history.time[-1])}
+            return discretisation(run, sibling, finer=self.finer, about=about, second=second, points=points)
         except recoverable() as error:
             return unknown_mesh_error(describe_error(error))
 
@@ -53,6 +114,71 @@ class NoSibling:
     def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State that what the mesh changes is unknown, and why."""
         return unknown_mesh_error(self.why)
+
+
+def find_sibling(job: Job, scene: Scene, store: BlockStore | None) -> Sibling | NoSibling:
+    """Make what the mesh of a scene is judged by, as `outputs.mesh_error` says.
+
+    Where it says nothing, elements have twice the size; where there is no such mesh, and the scene is small,
+    half the size.
+
+    Raises
+    ------
+    ConfigError
+        where there is no such mesh, or the job does not go with it, and a job asks for that one.
+    """
+    asked = job.config.outputs.mesh_error
+    try:
+        return _sibling(job, scene, store, finer=asked == "finer")
+    except _NO_MESH as error:
+        if asked != "auto":
+            raise ConfigError(f"{job.path}: outputs.mesh_error: no {asked} mesh: {error}") from None
+        why = str(error).removeprefix(f"{job.path}: ")
+    unknowns, gaps = 8 * _unknowns(scene), 4 * len(scene.gap_position)
+    if unknowns > _MOST_UNKNOWNS or gaps > _MOST_GAPS:
+        return NoSibling(
+            f"{why}. Elements of half the size would have about {unknowns} unknowns and {gaps} gaps; beyond "
+            f"{_MOST_UNKNOWNS} and {_MOST_GAPS} a run takes them with `outputs: {{mesh_error: finer}}` only"
+        )
+    try:
+        return _sibling(job, scene, store, finer=True)
+    except _NO_MESH as error:
+        return NoSibling(str(error).removeprefix(f"{job.path}: "))
+
+
+def _sibling(job: Job, scene: Scene, store: BlockStore | None, *, finer: bool) -> Sibling:
+    """Models of a job on elements of half the size, or of twice, and of what else its mesh is judged by."""
+    mesh, second = _other_model(sibling_job(job, finer=finer), store), None
+    if not finer and all(ELEMENTS[block.element].quadratic for block in scene.blocks.values()):
+        with suppress(*_NO_MESH):
+            second = _other_model(on_coarser_mesh(mesh.job), store)
+    every_node = with_gaps_at_every_node(job)
+    if every_node is None:
+        return Sibling(mesh, finer, second)
+    if not finer and (of_sibling := with_gaps_at_every_node(mesh.job)) is not None:
+        points, gaps = _other_model(of_sibling, store), len(mesh.model.scene.gap_position)
+        if len(points.model.scene.gap_position) >= MANY_MORE * gaps:
+            return Sibling(mesh, finer, second, points, points_of_sibling=True)
+    return Sibling(mesh, finer, second, _other_model(with_compared_stress(every_node), store))
+
+
+def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
+    """A job's model; blocks with fewer modes than it asks for take all."""
+    scene, model = scene_of(job), job.config.model
+    with placed(job.path):
+        if model.order == "full":
+            system = observing_stress(scene, assemble_full(scene, job.config.damping))
+            return OtherModel(job, with_stress(Model(scene, prepare(job, system), None)))
+        if model.modes == "all" and _unknowns(scene) > _DENSE:
+            model = with_vectors(with_modes(job, _MANY_MODES)).config.model
+        choice = replace(mode_choice(model), capped=True)
+        reduced = reduce_scene(scene, choice, job.config.damping, store)
+        return OtherModel(job, with_stress(Model(scene, prepare(job, reduced.system), reduced)))
+
+
+def _unknowns(scene: Scene) -> int:
+    """Three for each node."""
+    return 3 * sum(len(block.points) for block in scene.blocks.values())
 
 
 def unknown_mesh_error(why: str) -> ErrorStatement:

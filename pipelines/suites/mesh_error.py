@@ -8,6 +8,7 @@ from romdam.config.other_mesh import with_compared_stress
 from romdam.core.errors import describe_error, recoverable
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.error.sibling import NoSibling, unknown_mesh_error, with_stress
+from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.stresses import stress_of
@@ -31,7 +32,7 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
     if plan.mesh_statement is not None:
         return plan.mesh_statement
     clock = Clock(show)
-    sibling = build_sibling(plan.job, clock, store)
+    sibling = build_sibling(plan.job, scene_of(plan.job), clock, store)
     if sibling is None or not plan.runs:
         return None
     if isinstance(sibling, NoSibling):

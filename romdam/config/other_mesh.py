@@ -113,6 +113,21 @@ def with_spacing(job: Job, spacing: float | None) -> Job:
     return _with_joint_keys(job, lambda joint: {"spacing": spacing} if joint.spacing == "auto" else {})
 
 
+def with_gaps_at_every_node(job: Job) -> Job | None:
+    """The job with a gap at every node of its joints; None where no joint has a `spacing`."""
+    if not any(isinstance(joint.spacing, float) for joint in job.config.every_joint.values()):
+        return None
+    return _with_joint_keys(job, lambda joint: {"spacing": None})
+
+
+def with_steps_of(job: Job, finest: float) -> Job:
+    """The job with a finest step [s], where it asks for an accuracy of the steps."""
+    if job.config.transient.step_accuracy is None:
+        return job
+    transient = job.config.transient.model_copy(update={"accuracy": None, "finest_step": finest})
+    return replace(job, config=job.config.model_copy(update={"transient": transient}))
+
+
 def with_contact_points(job: Job, points: ContactPoints) -> Job:
     """The job with the gaps of every joint at other places.
 

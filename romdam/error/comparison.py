@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.files import check_file
-from romdam.error.metrics import RelativeError, opening_error
+from romdam.error.metrics import RelativeError, from_rest, opening_error
 
 _MOST = 4e9  # bytes of a file that is read whole
 _LINE = np.array([0.41, 0.57, 0.71])  # of length below 1, in which few planes of a mesh lie
@@ -106,7 +106,7 @@ def compare_openings(
     return Comparison(
         peak=float(opening.max()),
         peak_reference=float(better.max()),
-        error=opening_error(opening, better, joints),
+        error=opening_error(*from_rest(opening, better), joints),
         seconds=float(computed.time[rows[-1]]),
         gaps=len(gaps),
     )

@@ -6,9 +6,14 @@ and less at corners and edges. So the error is stated as `OVER_FINER` of the dif
 is right for p = 1.6 and within a factor of two for p above 0.6, and as `OVER_COARSER` of that to a coarser
 mesh, right for p = 1.6 and within a factor of two for p of 1 to 2.3. Displacements of quadratic elements have
 p of 3 and less: what moves, and forces of sections, which are sums of nodal forces, are stated as
-`OVER_COARSER_QUADRATIC` of the difference to a coarser mesh, right for p = 2.6 and within a factor of two for
-p of 1.8 to 3.5. Their stress and the forces of joints have p = 2. Where the coarser mesh is `_LOST`, as one
-element through the thickness of an arch dam, no such order is seen (1.6 there), and `OVER_COARSER` is taken.
+`OVER_COARSER_QUADRATIC` of the difference to a coarser mesh, right for p = 2.6. The less the coarser mesh
+resolves, the lower is the order that is seen: from a difference of `_RESOLVED` to one of `_UNRESOLVED` the
+factor rises to `OVER_COARSER`. Where there is a second sibling of elements of 4 h, the order of the two
+differences is taken in place of all this. Stress of quadratic elements and the forces of joints have p = 2.
+
+Fewer contact points than nodes (`spacing`) are a term of their own: the difference to the same run with a gap
+at every node, on the mesh itself or, where the coarser sibling's nodes are much closer than the spacing, on
+that. Every error is relative to what moves: histories less their values at rest.
 
 References
 ----------
@@ -19,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -26,10 +32,18 @@ from romdam.contact.components import NORMAL, SHEAR_J
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError, listed
 from romdam.core.scene import Scene
-from romdam.core.system import History
+from romdam.core.system import SLIP, History
 from romdam.error.comparison import coinciding
 from romdam.error.mesh_stress import MeshStress, face_errors, mesh_stress, section_errors
-from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, opening_error, opening_peaks, scaled
+from romdam.error.metrics import (
+    FLOOR,
+    RelativeError,
+    from_rest,
+    magnitude_error,
+    opening_error,
+    opening_peaks,
+    scaled,
+)
 from romdam.error.statement import ErrorStatement, percent
 from romdam.geometry.elements import ELEMENTS
 from romdam.postprocess.stress.summary import StressSummary
@@ -38,7 +52,14 @@ OVER_FINER, OVER_COARSER = 1.5, 0.5  # error over the difference to the sibling
 OVER_COARSER_QUADRATIC = 0.2  # the same of displacements, where all elements are quadratic
 _MOVING = ("opening", "slip", "residual_slip", "displacement", "section")  # these converge as displacements
 _LOST = 0.3  # relative error of a history in L2 from which it counts as not resolved
+# relative differences up to which a coarser quadratic mesh shows its order, and from which it shows none
+_RESOLVED, _UNRESOLVED = 0.15, 0.6
+_ORDERS = (1.3, 3.0)  # that two siblings may show
 _LAST = 1.0  # [s] at the end of a run, over which a slip is averaged that is left
+_AT_REST = 0.05  # of a joint's residual slip: one that slides by more about its mean of _LAST is not at rest
+
+
+QuantityT = TypeVar("QuantityT")
 
 
 @dataclass(frozen=True)
@@ -91,7 +112,13 @@ def mesh_run(
 
 
 def discretisation(
-    run: MeshRun, sibling: MeshRun, *, finer: bool, about: Mapping[str, object]
+    run: MeshRun,
+    sibling: MeshRun,
+    *,
+    finer: bool,
+    about: Mapping[str, object],
+    second: MeshRun | None = None,
+    points: tuple[MeshRun, MeshRun] | None = None,
 ) -> ErrorStatement:
     """State what the mesh and its contact points change in a run, for every joint and output node.
 
@@ -105,16 +132,101 @@ def discretisation(
     sibling : the same with elements of half the size, or of twice the size
     finer : whether it is of half the size
     about : record, configuration and whatever else is to be written with it
+    second : a coarser sibling's own, of four times the size, which shows the order
+    points : runs on one mesh, with the contact points of `run` and with a gap at every node; None where `run`
+        has a gap at every node
 
     Raises
     ------
     ResultError
         where no gap of the one is at a gap of the other, or the two have other times.
     """
-    better, judged = (sibling, run) if finer else (run, sibling)
-    if len(run.history.time) != len(sibling.history.time):
+    differences = _differences(run, sibling, finer=finer)
+    shown = None if second is None else _differences(sibling, second, finer=False).errors
+    if shown is not None and shown["opening"].l2 >= _UNRESOLVED:
+        shown = None
+    factor_of = {
+        name: _error_over_difference(name, error, run, finer=finer, shown=shown)
+        for name, error in differences.errors.items()
+    }
+    of_elements = {name: scaled(error, factor_of[name]) for name, error in differences.errors.items()}
+    errors, of_points = of_elements, dict[str, RelativeError]()
+    if points is not None:
+        of_points = _differences(*points, finer=True).errors
+        errors = {name: _added(error, of_points.get(name)) for name, error in of_elements.items()}
+    lost = [name for name, error in errors.items() if error.l2 >= _LOST]
+    if "acceleration" in lost and "response_spectrum" not in lost:
+        lost.append("response_spectrum")
+    nodes = {
+        node: {name: scaled(error, factor_of[name]).plain for name, error in each.items()}
+        for node, each in differences.nodes.items()
+    }
+    of_stress: dict[str, object] = {}
+    if run.stress is not None and sibling.stress is not None:
+        judged, better = (run.stress, sibling.stress) if finer else (sibling.stress, run.stress)
+        ring = judged if finer else better
+        of_all_faces, faces = face_errors(judged, better, ring, OVER_FINER if finer else OVER_COARSER)
+        factor = _error_over_difference(
+            "section", differences.errors["opening"], run, finer=finer, shown=None
+        )
+        of_all_sections, sections = section_errors(judged, better, factor)
+        errors = errors | of_all_faces | of_all_sections
+        lost += [name for name, error in (of_all_faces | of_all_sections).items() if error.l2 >= _LOST]
+        of_stress = {"faces": faces, "sections": sections}
+    details: dict[str, object] = {
+        "sibling": "finer" if finer else "coarser",
+        "unknowns": run.unknowns,
+        "unknowns_sibling": sibling.unknowns,
+        "gaps": len(run.position),
+        "gaps_sibling": len(sibling.position),
+        "gaps_compared": differences.compared,
+        "joints_not_compared": differences.not_compared,
+        "joints_still_sliding": differences.sliding,
+        "error_over_difference": factor_of["opening"],
+        "order_shown": shown is not None,
+        "not_resolved": lost,
+        "nodes": nodes,
+        **of_stress,
+    }
+    if points is not None:
+        details["elements"] = {name: error.plain for name, error in of_elements.items()}
+        details["contact_points"] = {name: error.plain for name, error in of_points.items()}
+        details["gaps_at_every_node"] = len(points[1].position)
+    return ErrorStatement("discretisation", _sentence(errors, details, about), errors, details | dict(about))
+
+
+@dataclass(frozen=True)
+class _Differences:
+    """What two runs differ by, relative to the better one.
+
+    Attributes
+    ----------
+    errors : quantity -> difference
+    nodes : output node -> quantity -> difference
+    compared : number of gaps that both have
+    not_compared : joints without such a gap
+    sliding : joints that slide in the last second of either
+    """
+
+    errors: dict[str, RelativeError]
+    nodes: dict[str, dict[str, RelativeError]]
+    compared: int
+    not_compared: list[str]
+    sliding: list[str]
+
+
+def _differences(run: MeshRun, other: MeshRun, *, finer: bool) -> _Differences:
+    """Compare two runs; the other is the better one where it is `finer`. Stress is left out.
+
+    Raises
+    ------
+    ResultError
+        where no gap of the one is at a gap of the other, or the two have other times.
+    """
+    judged, better = (run, other) if finer else (other, run)
+    if len(run.history.time) != len(other.history.time):
         raise ResultError(
-            f"the runs on both meshes have {len(run.history.time)} and {len(sibling.history.time)} rows; "
+            f"the runs on both meshes have {len(run.history.time)} and {len(other.history.time)} rows; "
             "set outputs.output_interval"
         )
     rows, pair, joints = _gaps_of_both(judged, better)
@@ -123,54 +235,66 @@ def discretisation(
             "no gap of the one mesh is at a gap of the other within 1 mm, so openings cannot be compared; "
             "compare runs on meshes whose nodes coincide"
         )
-    jump, other = judged.history.jump[:, rows], better.history.jump[:, pair]
-    errors = {"opening": opening_error(jump[..., NORMAL], other[..., NORMAL], joints, opening_peaks)}
-    factor = OVER_FINER if finer else OVER_COARSER
-    converges = run.quadratic and not finer and errors["opening"].l2 < _LOST
-    factor_of = dict.fromkeys(_MOVING, OVER_COARSER_QUADRATIC if converges else factor)
+    jump, better_jump = from_rest(judged.history.jump[:, rows], better.history.jump[:, pair])
+    errors = {"opening": opening_error(jump[..., NORMAL], better_jump[..., NORMAL], joints, opening_peaks)}
+    sliding = list[str]()
     if jump.shape[2] > 1:
-        errors["slip"] = _by_joint(jump[..., SHEAR_J:], other[..., SHEAR_J:], joints)
-        errors["residual_slip"] = _residual_slips(judged, better)
-    errors["joint_force"] = _forces(judged, better)
-    nodes: dict[str, dict[str, object]] = {}
+        errors["slip"] = _by_joint(jump[..., SHEAR_J:], better_jump[..., SHEAR_J:], joints)
+        residual, sliding = _residual_slips(judged, better)
+        if residual is not None:
+            errors["residual_slip"] = residual
+    errors["joint_force"] = _of_each_joint(judged, better, _normal_force)
+    errors["joint_pressure"] = _of_each_joint(judged, better, _largest_pressure)
+    nodes: dict[str, dict[str, RelativeError]] = {}
     for name in ("disp", "acc") if run.nodes else ():
         quantity = {"disp": "displacement", "acc": "acceleration"}[name]
         pairs = [
             getattr(result.history, name).reshape(len(result.history.time), -1, 3)
             for result in (judged, better)
         ]
+        if name == "disp":
+            pairs = list(from_rest(*pairs))
         errors[quantity] = magnitude_error(*pairs, peaks=True)
         for k, node in enumerate(run.nodes):
-            of_node = magnitude_error(pairs[0][:, k], pairs[1][:, k], peaks=True)
-            error = scaled(of_node, factor_of.get(quantity, factor))
-            nodes.setdefault(node, {})[quantity] = error.plain
+            nodes.setdefault(node, {})[quantity] = magnitude_error(pairs[0][:, k], pairs[1][:, k], peaks=True)
     if run.nodes:
         errors["response_spectrum"] = magnitude_error(judged.spectra, better.spectra)
-    errors = {name: scaled(error, factor_of.get(name, factor)) for name, error in errors.items()}
-    of_stress: dict[str, object] = {}
-    if judged.stress is not None and better.stress is not None:
-        ring = judged.stress if finer else better.stress
-        of_all_faces, faces = face_errors(judged.stress, better.stress, ring, factor)
-        of_all_sections, sections = section_errors(judged.stress, better.stress, factor_of["section"])
-        errors |= of_all_faces | of_all_sections
-        of_stress = {"faces": faces, "sections": sections}
-    lost = [name for name, error in errors.items() if error.l2 >= _LOST]
-    if "acceleration" in lost and "response_spectrum" not in lost:
-        lost.append("response_spectrum")
-    details: dict[str, object] = {
-        "sibling": "finer" if finer else "coarser",
-        "unknowns": run.unknowns,
-        "unknowns_sibling": sibling.unknowns,
-        "gaps": len(run.position),
-        "gaps_sibling": len(sibling.position),
-        "gaps_compared": len(rows),
-        "joints_not_compared": [name for name in judged.joints if name not in joints],
-        "error_over_difference": factor_of["opening"],
-        "not_resolved": lost,
-        "nodes": nodes,
-        **of_stress,
-    }
-    return ErrorStatement("discretisation", _sentence(errors, details, about), errors, details | dict(about))
+    missing = [name for name in judged.joints if name not in joints]
+    return _Differences(errors, nodes, len(rows), missing, sliding)
+
+
+def _error_over_difference(
+    quantity: str,
+    difference: RelativeError,
+    run: MeshRun,
+    *,
+    finer: bool,
+    shown: Mapping[str, RelativeError] | None,
+) -> float:
+    """The factor from a difference to the error, see the module.
+
+    Parameters
+    ----------
+    shown : the differences of the sibling to a second one, of twice its elements' size
+    """
+    if finer:
+        return OVER_FINER
+    if not run.quadratic or quantity not in _MOVING:
+        return OVER_COARSER
+    former = None if shown is None else shown.get(quantity)
+    if former is not None and difference.l2 > 0.0:
+        order = float(np.clip(np.log2(max(former.l2 / difference.l2, 1.0)), *_ORDERS))
+        return float(1.0 / (2.0**order - 1.0))
+    rise = np.clip((difference.l2 - _RESOLVED) / (_UNRESOLVED - _RESOLVED), 0.0, 1.0)
+    return float(OVER_COARSER_QUADRATIC + rise * (OVER_COARSER - OVER_COARSER_QUADRATIC))
+
+
+def _added(error: RelativeError, more: RelativeError | None) -> RelativeError:
+    """The sum of two errors, joint by joint where both have the joints."""
+    if more is None:
+        return error
+    joints = {name: _added(each, more.joints.get(name)) for name, each in error.joints.items()}
+    return RelativeError(error.l2 + more.l2, error.peak + more.peak, joints)
 
 
 def _gaps_of_both(judged: MeshRun, better: MeshRun) -> tuple[Ints, Ints, dict[str, slice]]:
@@ -193,9 +317,12 @@ def _sentence(
     opening, lost = errors["opening"], _words(details["not_resolved"])
     resolved = [
         f", {_plural(name)} by {percent(errors[name].l2)}"
-        for name in ("slip", "joint_force", "displacement", "acceleration", "section_force", "section_moment")
+        for name in (
+            "slip", "joint_force", "joint_pressure", "displacement", "acceleration", "section_force",
+            "section_moment",
+        )
         if name in errors and _plural(name) not in lost
-    ]
+    ]  # fmt: skip
     stress = ""
     if "principal_stress" in errors and _plural("principal_stress") not in lost:
         stress = f", the 98 % stress of faces by {percent(errors['principal_stress'].peak)}"
@@ -205,10 +332,20 @@ def _sentence(
         stress += f", stress of {listed(covered)} unknown: no node of one mesh is outside the ring"
     histories = f"; neither mesh resolves {listed(lost)}" if lost else ""
     size = "half" if details["sibling"] == "finer" else "twice"
+    sliding, factor = details["joints_still_sliding"], float(str(details["error_over_difference"]))
+    if isinstance(sliding, list) and sliding:
+        histories += f"; the slip that is left in {listed(sliding)} is not stated, for it still slides"
+    source = f"{factor:.2g} of the difference to elements of {size} the size"
+    if details["order_shown"]:
+        source += ", as the difference to four times the size shows"
+    elif OVER_COARSER_QUADRATIC < factor < OVER_COARSER:
+        source += f" (the truth is between {OVER_COARSER_QUADRATIC} and {OVER_COARSER} of it)"
+    points = details.get("contact_points")
+    if isinstance(points, Mapping):
+        source += f", and {percent(points['opening']['l2'])} for contact points that are fewer than the nodes"
     return (
         f"The mesh and its contact points change the openings by about {percent(opening.l2)} in L2 and the "
-        f"peaks by {percent(opening.peak)}{''.join(resolved)}{stress}{histories}: "
-        f"{details['error_over_difference']} of the difference to elements of {size} the size "
+        f"peaks by {percent(opening.peak)}{''.join(resolved)}{stress}{histories}: {source} "
         f"({details['unknowns_sibling']} unknowns for {details['unknowns']}), {about['seconds']:g} s of "
         f"{about['record']}."
     )
@@ -232,19 +369,39 @@ def _by_joint(values: Floats, better: Floats, joints: Mapping[str, slice]) -> Re
     return replace(magnitude_error(values, better, peaks=True), joints=each)
 
 
-def _residual_slips(judged: MeshRun, better: MeshRun) -> RelativeError:
-    """Error of every joint's mean slip over the last second, relative to FLOOR of the largest or more."""
-    left, wanted = (_each_joint(result, _mean_slip) for result in (judged, better))
-    largest = max((float(np.linalg.norm(slip)) for slip in wanted.values()), default=0.0)
+def _residual_slips(judged: MeshRun, better: MeshRun) -> tuple[RelativeError | None, list[str]]:
+    """Error of the mean slip over the last second of joints at rest, and the joints that still slide.
+
+    It is relative to the slip that is left, or to FLOOR of the largest if that is more; None where every
+    joint slides.
+    """
+    left, wanted, before = (
+        _each_joint(result, slip)
+        for result, slip in ((judged, _mean_slip), (better, _mean_slip), (better, _first_slip))
+    )
+    size = {name: float(np.linalg.norm(wanted[name] - before[name])) for name in wanted}
+    largest = max(size.values(), default=0.0)
     if largest == 0.0:
-        return RelativeError(0.0, 0.0)
-    off = {
-        name: float(np.linalg.norm(left[name] - slip)) / max(float(np.linalg.norm(slip)), FLOOR * largest)
-        for name, slip in wanted.items()
-    }
-    joints = {name: RelativeError(value, value) for name, value in off.items()}
-    worst = max(float(np.linalg.norm(left[name] - slip)) for name, slip in wanted.items()) / largest
-    return RelativeError(worst, worst, joints)
+        return RelativeError(0.0, 0.0), []
+    sliding = [
+        name
+        for name in wanted
+        if any(
+            _still_slides(result, result.joints[name], max(size[name], FLOOR * largest))
+            for result in (judged, better)
+        )
+    ]
+    rest = [name for name in wanted if name not in sliding]
+    if not rest:
+        return None, sliding
+    largest = max(size[name] for name in rest)
+    off = {name: float(np.linalg.norm(left[name] - wanted[name])) for name in rest}
+    if largest == 0.0:
+        return RelativeError(0.0, 0.0), sliding
+    relative = {name: off[name] / max(size[name], FLOOR * largest) for name in rest}
+    joints = {name: RelativeError(value, value) for name, value in relative.items()}
+    worst = max(off.values()) / largest
+    return RelativeError(worst, worst, joints), sliding
 
 
 def _mean_slip(run: MeshRun, gaps: slice) -> Floats:
@@ -254,9 +411,31 @@ def _mean_slip(run: MeshRun, gaps: slice) -> Floats:
     return np.asarray(area @ slip / area.sum())
 
 
-def _forces(judged: MeshRun, better: MeshRun) -> RelativeError:
-    """Error of the normal forces of joints, each the sum over its gaps and the mean between rows."""
-    values, wanted = (_each_joint(result, _normal_force) for result in (judged, better))
+def _first_slip(run: MeshRun, gaps: slice) -> Floats:
+    """Slip (2,) of a joint at rest, mean over its area [m]."""
+    area = run.area[gaps]
+    return np.asarray(area @ run.history.jump[0, gaps, SHEAR_J:] / area.sum())
+
+
+def _still_slides(run: MeshRun, gaps: slice, residual: float) -> bool:
+    """Tell whether a joint slides in the last second, by more than `_AT_REST` of its residual slip [m]."""
+    time, area = run.history.time, run.area[gaps]
+    last = time >= time[-1] - _LAST
+    if not (run.history.state[last][:, gaps] == SLIP).any():
+        return False
+    slip = np.einsum("g,tga->ta", area, run.history.jump[last][:, gaps, SHEAR_J:]) / area.sum()
+    return bool(np.linalg.norm(slip - slip.mean(axis=0), axis=1).max() > _AT_REST * residual)
+
+
+def _of_each_joint(
+    judged: MeshRun, better: MeshRun, quantity: Callable[[MeshRun, slice], Floats]
+) -> RelativeError:
+    """Error of a history (nt,) of every joint, less its value at rest."""
+    pairs = {
+        name: from_rest(quantity(judged, judged.joints[name]), quantity(better, better.joints[name]))
+        for name in judged.joints
+    }
+    values, wanted = ({name: pair[i] for name, pair in pairs.items()} for i in (0, 1))
     every = np.stack(list(wanted.values()), axis=1)
     each = {name: magnitude_error(values[name], wanted[name], every) for name in wanted}
     all_joints = magnitude_error(np.stack(list(values.values()), axis=1), every, peaks=True)
@@ -268,5 +447,10 @@ def _normal_force(run: MeshRun, gaps: slice) -> Floats:
     return np.asarray(run.history.mean_traction[:, gaps, NORMAL].sum(axis=1))
 
 
-def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], Floats]) -> dict[str, Floats]:
+def _largest_pressure(run: MeshRun, gaps: slice) -> Floats:
+    """Largest pressure (nt,) of a joint's gaps, each the mean over the interval before a row [Pa]."""
+    return np.asarray((run.history.mean_traction[:, gaps, NORMAL] / run.area[gaps]).max(axis=1))
+
+
+def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], QuantityT]) -> dict[str, QuantityT]:
     return {name: quantity(run, gaps) for name, gaps in run.joints.items()}

@@ -23,7 +23,7 @@ from romdam.contact.laws.law import Law, Past
 from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
 from romdam.core.system import SLIP, STICK, GapLaw, History, System
-from romdam.error.metrics import FLOOR, opening_error, peak_bound, relative_l2
+from romdam.error.metrics import FLOOR, from_rest, opening_error, peak_bound, relative_l2
 from romdam.error.statement import ErrorStatement, percent
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
@@ -72,7 +72,8 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
     if rocks_on_joints(finer.prepared.system):
         settings = _with_loose_contact(settings)
     opening, better, rows = _openings(finer, history, ground, settings)
-    error = opening_error(opening, better, finer.prepared.system.law.joints, peak_bound)
+    moved = from_rest(opening, better, history.jump[0, :, 0])
+    error = opening_error(*moved, finer.prepared.system.law.joints, peak_bound)
     first, last = (float(history.time[row]) for row in (rows.start, rows.stop - 1))
     rocks = finer.prepared.system.floating
     return ErrorStatement("estimate", _sentence(error.l2, error.peak, first, last, rocks), {"opening": error})
@@ -96,7 +97,7 @@ def _sentence(l2: float, peak: float, first: float, last: float, rocks: bool) ->
         )
     return (
         f"Leaving out modes changes the openings by about {percent(l2)} in L2, mostly good to a factor of "
-        f"two, and the largest one by {percent(peak)} at most, mostly by less than half of that; {compared}. "
+        f"two, and the largest one by about {percent(peak)}, mostly by less than half of that; {compared}. "
         "`romdam certify` states it for the whole record."
     )
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.scene import Scene
-from romdam.error.metrics import FLOOR, RelativeError, magnitude_error, relative_l2, scaled
+from romdam.error.metrics import FLOOR, RelativeError, from_rest, magnitude_error, relative_l2, scaled
 from romdam.postprocess.stress.faces import HEADLINE, PERCENTILES, area_percentiles
 from romdam.postprocess.stress.summary import MEASURES, StressSummary
 from romdam.scene.stress.ring import near_edges
@@ -160,6 +160,7 @@ def section_errors(
     values, wanted = (
         np.stack([stress.sections[name] for name in names], axis=1) for stress in (judged, better)
     )
+    values, wanted = from_rest(values, wanted)
     components = {"section_force": slice(0, 3), "section_moment": slice(3, 6)}
     errors = {
         quantity: scaled(magnitude_error(values[..., c], wanted[..., c], peaks=True), factor)

@@ -13,10 +13,12 @@ same places i (gaps, or components of displacement). Both measures are relative 
     bound of    max |x - y| / max_ti y, over the times and gaps at which x or y is within NEAR of the largest
     the peak    opening: two peaks may agree by chance, or lie at other instants; this is never less
 
-Each is 0 where y is 0 throughout. A joint's error is measured on its own gaps alone and relative to its own
-history; but a joint that hardly moves, by less than FLOOR of all, is measured by FLOOR of all: in L2 by that
-share of the root mean square over all joints' gaps, in its peak by that share of the largest opening of all.
-So is a component of a node's displacement, by FLOOR of that node's largest component.
+What is compared moves: callers take the value at rest of y (its first row) from both, so that an initial gap
+or the weight's own displacement makes no error small. Each is 0 where y is 0 throughout. A joint's error is
+measured on its own gaps alone and relative to its own history; but a joint that hardly moves, by less than
+FLOOR of all, is measured by FLOOR of all: in L2 by that share of the root mean square over all joints' gaps,
+in its peak by that share of the largest opening of all. So is a component of a node's displacement, by FLOOR
+of that node's largest component.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 
 NEAR = 0.2  # of the largest opening: what lies so near to it is looked at where a peak is bounded
+_STILL = 1e-6  # of a history's largest value: what moves less is round-off
 FLOOR = 0.01  # of what all joints do: a joint that does less is measured by that
 
 
@@ -51,6 +54,21 @@ class RelativeError:
         """Plain values, for JSON."""
         joints = {name: error.plain for name, error in self.joints.items()}
         return {"l2": self.l2, "peak": self.peak} | ({"joints": joints} if joints else {})
+
+
+def from_rest(values: Floats, better: Floats, rest: Floats | None = None) -> tuple[Floats, Floats]:
+    """Return both histories (nt, ...) less the better one's value at rest: errors are relative to what moves.
+
+    Where nothing moves but by round-off they stay as they are.
+
+    Parameters
+    ----------
+    rest : (...) the better one's first row if not given
+    """
+    rest = better[0] if rest is None else rest
+    if np.abs(better - rest).max(initial=0.0) <= _STILL * np.abs(better).max(initial=0.0):
+        return values, better
+    return values - rest, better - rest
 
 
 def relative_l2(values: Floats, better: Floats, least: float = 0.0) -> float:

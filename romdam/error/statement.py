@@ -94,7 +94,7 @@ class ErrorStatement:
         if self.kind != "estimate" or opening is None or not opening.joints:
             return
         joints = opening.joints
-        for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening, at most")):
+        for measure, what in (("l2", "of the openings in L2"), ("peak", "of the largest opening")):
             values = np.array([getattr(joints[str(name)], measure) for name in dataset.joint.values])
             name = f"estimated relative error {what}, from leaving out modes"
             about = {"long_name": name, "units": "1", "comment": _RELATIVE}

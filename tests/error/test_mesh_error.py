@@ -10,7 +10,9 @@ import xarray as xr
 import yaml
 from test_cli import SMALL, call
 
+import romdam.pipelines.error.sibling as sibling_module
 from romdam.core.errors import ResultError
+from romdam.core.system import SLIP
 from romdam.error.discretisation import OVER_COARSER, OVER_COARSER_QUADRATIC, MeshRun, discretisation
 
 TIME = np.linspace(0.0, 4.0, 401)
@@ -21,14 +23,20 @@ def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, eve
     """Three gaps, one in joint j and two in k; `every` further gaps lie between on a finer mesh."""
     shape = np.sin(3.0 * TIME)[:, None]
     jump = np.stack(
-        [shape * np.array(opening), np.ones_like(shape) * np.array(slip), 0.0 * shape * np.ones(3)], axis=2
+        [
+            shape * np.array(opening),
+            np.clip(TIME, 0.0, 1.0)[:, None] * np.array(slip),
+            0.0 * shape * np.ones(3),
+        ],
+        axis=2,
     )
     force = np.stack([shape * np.array(force), *[0.0 * shape * np.ones(3)] * 2], axis=2)
     position = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 1.0], [5.0, 0.0, 2.0]])
     if every > 1:  # a gap more in each joint, which the other mesh has not
         jump, force = (np.insert(a, [1, 3], 7.0, axis=1) for a in (jump, 0.5 * force))
         jump[:, [1, 4], 1:] = 0.0
-        jump[:, 1, 1], jump[:, 4, 1] = slip[0], np.mean(slip[1:])  # the joint's mean stays
+        grown = np.clip(TIME, 0.0, 1.0)
+        jump[:, 1, 1], jump[:, 4, 1] = slip[0] * grown, np.mean(slip[1:]) * grown  # the joint's mean stays
         position = np.insert(position, [1, 3], [[0.0, 0.0, 1.5], [5.0, 0.0, 1.5]], axis=0)
         joints = {"j": slice(0, 2), "k": slice(2, 5)}
         force[:, 1, 0] = force[:, 0, 0]
@@ -36,7 +44,8 @@ def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, eve
     else:
         joints = {"j": slice(0, 1), "k": slice(1, 3)}
     disp = motion * shape * np.array([1.0, 0.5, 0.0])
-    history = SimpleNamespace(time=TIME, jump=jump, mean_traction=force, disp=disp, acc=disp)
+    state = np.full(jump.shape[:2], SLIP)
+    history = SimpleNamespace(time=TIME, jump=jump, mean_traction=force, disp=disp, acc=disp, state=state)
     area = np.ones(len(position))
     return MeshRun(history, position, area, joints, ("top",), spectrum * np.ones((3, 4)), 30 * every)
 
@@ -57,7 +66,7 @@ def test_each_quantity_has_its_own_error_and_a_finer_mesh_one_and_a_half_times_t
     assert stated.errors["response_spectrum"].peak == pytest.approx(1.5 * 0.25)
     assert stated.details["nodes"]["top"]["displacement"]["peak"] == pytest.approx(1.5 * 0.05)
     assert stated.details["gaps_compared"] == 3 and stated.details["gaps_sibling"] == 5
-    assert "; neither mesh resolves joint forces, response spectra: " in stated.sentence
+    assert "; neither mesh resolves joint forces, joint pressures, response spectra: " in stated.sentence
     assert "displacements by 7.5 %" in stated.sentence and "(60 unknowns for 30)" in stated.sentence
 
 
@@ -171,16 +180,97 @@ def test_every_run_states_it_from_a_coarser_mesh_unless_it_is_not_to(tmp_path):
     assert json.loads(attributes_of(out / "pulse.nc")["discretisation"])["sibling"] == "finer"
 
 
-def test_a_mesh_without_a_coarser_one_states_that_it_is_unknown(tmp_path):
+def test_a_mesh_without_a_coarser_one_is_judged_by_a_finer_one_while_it_is_small(tmp_path, monkeypatch):
+    """Blocks of one element cannot have elements of twice the size; beyond the limits that is said."""
     path = small_job(tmp_path, 5.0)
     code, _, err = call("run", path, "--out", tmp_path / "out", "--quiet")
     assert code == 0, err
     attrs = attributes_of(tmp_path / "out" / "pulse.nc")
+    assert json.loads(attrs["discretisation"])["sibling"] == "finer"
+    assert attrs["discretisation_opening_l2"] > 0.0
+    monkeypatch.setattr(sibling_module, "_MOST_UNKNOWNS", 100)
+    assert call("run", path, "--out", tmp_path / "large", "--quiet")[0] == 0
+    attrs = attributes_of(tmp_path / "large" / "pulse.nc")
     why = "has 1 elements along x, which cannot be halved; compare with a finer mesh instead"
     assert attrs["discretisation_statement"].startswith("What the mesh changes is unknown: blocks.")
     assert why in attrs["discretisation_statement"] and "discretisation_opening_l2" not in attrs
-    code, out, _ = call("info", tmp_path / "out" / "pulse.nc")
+    assert "with `outputs: {mesh_error: finer}` only" in attrs["discretisation_statement"]
+    code, out, _ = call("info", tmp_path / "large" / "pulse.nc")
     assert code == 0 and "of mesh unknown" in out and str(tmp_path) not in attrs["discretisation_statement"]
+
+
+def test_modes_that_a_coarser_mesh_has_not_are_all_of_its_modes(tmp_path):
+    """60 modes are asked for; blocks of elements of twice the size have fewer unknowns than that."""
+    path = small_job(tmp_path, 2.5)
+    raw = yaml.safe_load(path.read_text())
+    raw["model"] = {"modes": 60}
+    path.write_text(yaml.safe_dump(raw))
+    code, _, err = call("run", path, "--out", tmp_path / "out", "--quiet")
+    assert code == 0, err
+    attrs = attributes_of(tmp_path / "out" / "pulse.nc")
+    assert json.loads(attrs["discretisation"])["sibling"] == "coarser"
+
+
+def test_two_siblings_show_the_order_of_quadratic_elements():
+    """Errors of 1, 8 and 64 %: an order of 3; of 1, 4 and 16 %: of 2, and a third of the difference."""
+    for order in (3.0, 2.0):
+        first, second, third = (run_of(1.0 + 0.01 * 2.0 ** (order * k) * np.ones(3)) for k in range(3))
+        run = replace(first, quadratic=True)
+        stated = discretisation(run, second, finer=False, about=ABOUT, second=third)
+        difference = (2.0**order - 1.0) * 0.01 / 1.01
+        got = stated.errors["opening"].l2
+        if order == 2.0:
+            shown = np.log2((12.0 / 1.04) / (3.0 / 1.01))
+            assert got == pytest.approx(difference / (2.0**shown - 1.0), rel=1e-9)
+            assert got == pytest.approx(0.01, rel=0.1)
+            assert "as the difference to four times the size shows" in stated.sentence
+        else:
+            assert got == pytest.approx(0.01, rel=0.1)
+
+
+def test_an_error_is_relative_to_what_moves():
+    """Initial gaps of 1 m, and a displacement at rest of a metre, change no error."""
+    run, sibling = run_of((1.0, 2.0, 3.0)), run_of((1.1, 2.2, 3.3), motion=1.1)
+
+    def shifted(one):
+        jump, disp = one.history.jump.copy(), one.history.disp + 1.0
+        jump[..., 0] += 1.0
+        force = one.history.mean_traction + 50.0
+        moved = vars(one.history) | {"jump": jump, "disp": disp, "mean_traction": force}
+        return replace(one, history=SimpleNamespace(**moved))
+
+    plain = discretisation(run, sibling, finer=True, about=ABOUT).errors
+    with_rest = discretisation(shifted(run), shifted(sibling), finer=True, about=ABOUT).errors
+    for name in ("opening", "slip", "joint_force", "joint_pressure", "displacement"):
+        assert with_rest[name].l2 == pytest.approx(plain[name].l2, rel=1e-9, abs=1e-12), name
+        assert with_rest[name].peak == pytest.approx(plain[name].peak, rel=1e-9, abs=1e-12), name
+
+
+def test_what_is_left_of_a_joint_that_still_slides_is_not_stated():
+    """Joint k slides by 0.1 mm a second at the end, with 0.3 mm on the mean behind it; joint j rests."""
+    run, sibling = (
+        run_of((1.0, 1.0, 1.0), slip=(0.01, 0.0, 0.0)),
+        run_of((1.0, 1.0, 1.0), slip=(0.012, 0.0, 0.0)),
+    )
+    for one in (run, sibling):
+        one.history.jump[:, 1:, 1] = 1e-4 * TIME[:, None]
+    stated = discretisation(run, sibling, finer=True, about=ABOUT)
+    assert set(stated.errors["residual_slip"].joints) == {"j"}
+    assert stated.errors["residual_slip"].l2 == pytest.approx(1.5 * 0.002 / 0.012)
+    assert stated.details["joints_still_sliding"] == ["k"]
+    assert "the slip that is left in k is not stated, for it still slides" in stated.sentence
+
+
+def test_fewer_contact_points_than_nodes_are_a_term_of_their_own():
+    """Elements leave 1.5 of 2 %, contact points 10 %: the sum is stated of every quantity."""
+    run, finer = run_of((1.02, 2.04, 3.06)), run_of((1.0, 2.0, 3.0))
+    points = run_of((1.1, 2.2, 3.3)), run_of((1.0, 2.0, 3.0))
+    stated = discretisation(run, finer, finer=True, about=ABOUT, points=points)
+    assert stated.errors["opening"].l2 == pytest.approx(1.5 * 0.02 + 0.1)
+    assert stated.errors["opening"].joints["k"].peak == pytest.approx(1.5 * 0.02 + 0.1)
+    assert stated.details["contact_points"]["opening"]["l2"] == pytest.approx(0.1)
+    assert stated.details["elements"]["opening"]["l2"] == pytest.approx(0.03)
+    assert "and 10 % for contact points that are fewer than the nodes" in stated.sentence
 
 
 def test_check_has_the_cost_of_the_mesh_statement(tmp_path):
@@ -206,12 +296,15 @@ def test_what_moves_converges_faster_on_quadratic_elements():
 
 
 def test_a_coarser_mesh_that_resolves_nothing_shows_no_order_of_quadratic_elements():
-    """The arch dam with one element through its thickness: 65 %, then 21 %, an order of 1.6."""
+    """The arch dam with one element through its thickness: 65 %, then 21 %: an order of 1.6."""
     run, sibling = run_of((1.0, 1.0, 1.0)), run_of((1.65, 1.65, 1.65))
     stated = discretisation(replace(run, quadratic=True), sibling, finer=False, about=ABOUT)
     assert stated.errors["opening"].l2 == pytest.approx(OVER_COARSER * 0.65)
-    near = discretisation(replace(run, quadratic=True), run_of((1.2, 1.2, 1.2)), finer=False, about=ABOUT)
-    assert near.errors["opening"].l2 == pytest.approx(OVER_COARSER_QUADRATIC * 0.2)
+    for off, factor in ((0.1, OVER_COARSER_QUADRATIC), (0.15, 0.2), (0.375, 0.35), (0.6, OVER_COARSER)):
+        other = run_of((1.0 + off,) * 3)
+        near = discretisation(replace(run, quadratic=True), other, finer=False, about=ABOUT)
+        assert near.errors["opening"].l2 == pytest.approx(factor * off), off
+        assert ("the truth is between 0.2 and 0.5 of it" in near.sentence) == (0.2 < factor < 0.5)
 
 
 def test_peaks_that_agree_by_chance_are_those_of_all_places():
