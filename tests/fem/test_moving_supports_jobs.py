@@ -131,7 +131,7 @@ def test_supports_that_meet_and_records_that_drift_are_refused(folder):
         ConfigError, match=r"supports\[3\].motion: 2 of its nodes are held by supports\[2\] too"
     ):
         scene_of(load_config(folder / "meet.yaml"))
-    with pytest.raises(RecordError, match=r"ends with a velocity of .* limit 10%.*correct its baseline"):
+    with pytest.raises(RecordError, match=r"ends .* from it, 79% of its largest distance, limit 10%.*peer"):
         check(job(folder, "drift.yaml", records=[record("drifting.txt")]))
     with pytest.raises(RecordError, match=r"supports\[2\].motion.record: record drifting"):
         scene_of(job(folder, "own.yaml", motions={"right": {"record": record("drifting.txt")}}))
