@@ -47,7 +47,7 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("chain", CHAINS)
 def test_every_motion_that_ends_beyond_the_limits_is_told(folder, chain):
-    """Twelve raw records: velocity 1 %, displacement 10 % of their peaks, by Simpson's rule on finer lines."""
+    """Twelve raw records: velocity 1 %, displacement 10 % of their peaks, by Simpson's rule."""
     used = 0
     for seed in range(12):
         entry = {"file": f"r{seed}.txt", "unit": "m/s2", "dt": DT, "components": {"y": 1}}

@@ -1,8 +1,8 @@
 """Correction of a record: the steps of a configuration applied in order, with a log of what each did.
 
-All components of a record go through together, so that corners and pads are common to them. A correction is refused
-where most of the motion is gone; of the pads that it added only
-those samples are kept in which the ground still moves.
+All components of a record go through together, so that corners and pads are common to them. A correction is
+refused where most of the motion is gone; of the pads that it added only those samples are kept in which the
+ground still moves.
 """
 
 from __future__ import annotations
