@@ -85,11 +85,13 @@ def test_a_unit_in_prose_is_not_that_of_the_data(tmp_path, comment):
 
 
 def test_a_stated_peak_is_held_against_the_data(tmp_path):
-    (motion,) = load(tmp_path, "# PGA: 0.35 g\n" + table(ACC), dt=samples.DT, unit="g")
     peak = np.abs(ACC).max()
+    (motion,) = load(tmp_path, "# PGA: 0.05 g\n" + table(ACC), dt=samples.DT, unit="m/s2")
     assert any(
-        f"states a peak of 0.35 g, the data's is {peak:.4g} g; is the unit" in w for w in motion.warnings
+        f"states a peak of 0.05 g, the data's is {peak / G:.4g} g; is the unit" in w for w in motion.warnings
     )
+    with pytest.raises(RecordError, match=r"a peak of 0.17 g is stated, .* as where one unit is taken for"):
+        load(tmp_path, f"# PGA: {peak / G:.2f} g\n" + table(ACC), dt=samples.DT, unit="g")
 
 
 def test_what_is_declared_wins_over_prose_and_keyed_statements_over_neither(tmp_path):

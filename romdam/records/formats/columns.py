@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel
-from romdam.records.formats.text import PEAK_SHARE, TextFile, acceleration_unit, read_text, split_words
-from romdam.records.plausible import DOUBTED_UNIT
+from romdam.records.formats.header import Series, check_header
+from romdam.records.formats.statements import COUNT, statements, unit_stated
+from romdam.records.formats.text import TextFile, acceleration_unit, read_text, split_words
 
 Array = NDArray[np.float64]
 COMMENTS = ("#", "%", "!", "//")
@@ -28,9 +29,6 @@ NAMING = 3  # lines next to the rows that may name the columns: names, their uni
 MOST_HEADER = 200  # lines of text above columns that are looked through for the first row of numbers
 _ROW = re.compile(r"^[\s,;\"]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s\"]*$")
 _REAL = r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-_DT = re.compile(rf"\b(?:dt|delta[ _]?t|time[ _]?step|sampling[ _]interval)\s*[=:]\s*{_REAL}\s*(ms)?", re.I)
-_RATE = re.compile(rf"\b(?:fs|sampl(?:ing|e)[ _](?:rate|freq\w*))[^=:\d]*[=:]\s*{_REAL}", re.I)
-_COUNT = re.compile(r"\b(?:npts|ndata|(?:number of )?(?:points|samples))\s*[=:]\s*(\d{1,9})\b", re.I)
 _NUMERIC = re.compile(r"[-+.\d]|.*(?:\d\.\d|\.\d\d)|[^A-Za-z]*$")  # words that no name begins as
 _WORDS = r"(?:(?:ground|base|horizontal|vertical|recorded|raw|corrected|uncorrected|absolute|input|time)\s+)*"
 _VALUES = r"(?:accelerations?|accel|accs?|accelerograms?|data|values|samples|amplitudes?)"
@@ -48,13 +46,7 @@ _IN = re.compile(
     rf"({_UNIT_WORD})\s*[\])]?\s*[.]?",
     re.I,
 )
-_PEAK = r"\b(?:PGA|(?:peak|max(?:imum)?\.?)(?:\s+(?:ground\s+)?(?:acc\w*|value|amplitude))?)"
-_PEAK_FIRST = re.compile(rf"{_PEAK}\b\s*(?:is|of|at|[=:])?\s*[-+]?{_REAL}\s*({_UNIT_WORD})", re.I)
-_UNIT_FIRST = re.compile(
-    rf"{_PEAK}\b\s*,?\s*(?:\bin\b|[\[(])\s*({_UNIT_WORD})\s*[\])]?\s*(?:is|of|[=:])?\s*[-+]?{_REAL}", re.I
-)
 _BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]")
-_SUFFIX = re.compile(r"_([a-zA-Z]+[/\d^s]*)$")
 _LENGTH_UNIT = re.compile(r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?", re.I)
 _OTHER_UNIT = re.compile(
     r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?|s|ms|sec|seconds?|hz|deg|rad|m?v|volts?|[^\s:=]*[A-Za-z][^\s:=]*[/^*][^\s:=]*",
@@ -189,7 +181,9 @@ def read_columns(
     stated, said = _check_comments(text, table, dt, unit)
     columns = [i for i in range(width) if i not in left]
     units = {i: _unit_of_name(table.names.get(i, "")) or stated for i in columns}
-    said = (*said, *_check_peaks(table, columns, units, unit))
+    fallback = unit or stated or next((units[i] for i in columns if acceleration_unit(units[i])), "")
+    series = [Series(table.values[:, i], unit or units[i]) for i in columns]
+    said = (*said, *check_header(text, table.comments, series, dt, fallback, layout.decimal == "comma"))
     for i in columns:
         if stated and acceleration_unit(units[i]) and not _same_unit(stated, units[i]):
             said = (*said, f"comments state {stated}, column {i + 1} is named in {units[i]}, which counts")
@@ -269,7 +263,12 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
     warnings: tuple[str, ...] = ()
     width, held = len(rows[0][1]), sum(len(row) for _, row in rows)
     series = layout.layout == "series"
-    counts = {int(match[1]) for _, line in comments if (match := _COUNT.search(line))}
+    counts = {
+        int(stated.value)
+        for _, line in comments
+        for stated in statements(line, decimal_comma=layout.decimal == "comma")
+        if stated.kind == COUNT
+    }
     if layout.layout is None and len(rows) < held and held in counts:
         series = True
         warnings = (f"{held} values are stated: read as one series of {width} in a row",)
@@ -377,7 +376,10 @@ def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
 def _unit_of_name(name: str) -> str:
     """The unit in a column's name: "acc (cm/s2)", "a[g]", "acc_g"; "" where there is none."""
     words = [word for word in _BRACKETS.findall(name) if word]
-    words += [match[1]] if (match := _SUFFIX.search(name)) and acceleration_unit(match[1]) else []
+    pieces = re.split(r"[\s_.,:;()\[\]-]+|\bin\b", re.sub(r"[(\[].*", "", name).strip())
+    pieces = [piece for piece in pieces if piece]
+    if len(pieces) > 1:  # acc_g, acc in g, acc_ms2, acc_m_s2
+        words += [tail for tail in (pieces[-1], "/".join(pieces[-2:])) if acceleration_unit(tail)][:1]
     units = list(dict.fromkeys(filter(None, map(acceleration_unit, words))))
     if len(units) == 1:
         return units[0]
@@ -465,27 +467,16 @@ def _refuse_wrapped(text: TextFile, table: _Table) -> None:
 def _check_comments(
     text: TextFile, table: _Table, dt: float, declared: str | None
 ) -> tuple[str, tuple[str, ...]]:
-    """Hold comments such as "dt = 0.01 s", "NPTS: 3000" against the data; return the unit that they state.
+    """Return the unit that comments state, and what is said of it.
 
     A keyed statement ("units: g") stands against the configuration; prose ("acceleration in g") gives way to
     it, with a warning.
     """
     units: dict[str, int] = {}
+    mentioned: dict[str, int] = {}
     keyed = ""
     for index, line in table.comments:
-        intervals = []
-        if match := _DT.search(line):
-            intervals.append(float(match[1]) * (1e-3 if match[2] else 1.0))
-        if (match := _RATE.search(line)) and float(match[1]) > 0.0:
-            intervals.append(1.0 / float(match[1]))
-        for interval in intervals:
-            if abs(interval - dt) > 1e-3 * dt:
-                raise text.fail(
-                    index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s"
-                )
-        if (match := _COUNT.search(line)) and int(match[1]) != len(table.values):
-            held = len(table.values)
-            raise text.fail(index, f"{match[1]} samples are stated, the file holds {held}; it is cut short")
+        matched = False
         for clause in re.split(r"[,;]|\.\s", line.strip().lstrip("#%!/ \t")):
             if match := _UNIT.fullmatch(clause.strip()):
                 unit = acceleration_unit(match[1])
@@ -498,7 +489,15 @@ def _check_comments(
             else:
                 continue
             if unit:
+                matched = True
                 units.setdefault(unit, index)
+        if not matched:
+            unit, is_keyed = unit_stated(line)
+            if unit and is_keyed:
+                keyed = unit
+                units.setdefault(unit, index)
+            elif unit:
+                mentioned.setdefault(unit, index)
     if len(units) > 1:
         lines = ", ".join(f"{unit} in line {index + 1}" for unit, index in units.items())
         if declared is None:
@@ -507,7 +506,13 @@ def _check_comments(
     unit = next(iter(units), "")
     if unit and not keyed and declared is not None and not _same_unit(unit, declared):
         return "", (f"line {units[unit] + 1} says {unit}, `unit` {declared} counts",)
-    return unit, ()
+    counts = declared or unit
+    said = tuple(
+        f"line {index + 1} mentions {other}, the unit {counts} counts"
+        for other, index in mentioned.items()
+        if counts and not _same_unit(other, counts)
+    )
+    return unit, said
 
 
 def _same_unit(unit: str, declared: str) -> bool:
@@ -517,42 +522,6 @@ def _same_unit(unit: str, declared: str) -> bool:
         return abs(unit_in_si(unit) / unit_in_si(declared) - 1.0) < 0.005
     except ValueError:
         return False
-
-
-def _check_peaks(
-    table: _Table, columns: list[int], units: dict[int, str], declared: str | None
-) -> tuple[str, ...]:
-    """Say where a comment states a peak that no column has."""
-    from romdam.config.sections.motions.records import unit_in_si
-
-    peaks: list[float] = []
-    for i in columns:
-        unit = declared or units[i]
-        try:
-            peaks.append(float(np.nanmax(np.abs(table.values[:, i]))) * unit_in_si(unit) if unit else np.nan)
-        except ValueError:
-            continue
-    if not peaks or not np.all(np.isfinite(peaks)):
-        return ()
-    said = []
-    for index, line in table.comments:
-        stated = [(match[1], match[2]) for match in _PEAK_FIRST.finditer(line)]
-        stated += [(match[2], match[1]) for match in _UNIT_FIRST.finditer(line)]
-        for number, word in stated:
-            if not (unit := acceleration_unit(word)) or float(number) == 0.0:
-                continue
-            peak, digits = float(number), len(number.partition(".")[2])
-            slack = max(PEAK_SHARE, 0.0 if "e" in number.lower() else 0.5 * 10.0**-digits / peak)
-            ratios = np.array(peaks) / (peak * unit_in_si(unit))
-            if np.any(np.abs(ratios - 1.0) <= 1.01 * slack):
-                continue
-            nearest = ratios[np.argmin(np.abs(np.log(np.maximum(ratios, 1e-300))))]
-            doubt = f"; {DOUBTED_UNIT}" if not 0.5 < nearest < 2.0 else ""
-            said.append(
-                f"line {index + 1} states a peak of {number} {unit}, the data's is {nearest * peak:.4g} "
-                f"{unit}{doubt}"
-            )
-    return tuple(said)
 
 
 def _even_dt(time: Array, text: TextFile, first: int) -> float:

@@ -53,6 +53,13 @@ _ACCELERATIONS = {
     "m/s2": "m/s2",
     "ms-2": "m/s2",
     "mm/s2": "0.001 m/s2",
+    "ms2": "m/s2",
+    "mps2": "m/s2",
+    "cms2": "cm/s2",
+    "cmps2": "cm/s2",
+    "cm/ss": "cm/s2",
+    "m/ss": "m/s2",
+    "mms2": "0.001 m/s2",
     "in/s2": "0.0254 m/s2",
     "ft/s2": "0.3048 m/s2",
 }
