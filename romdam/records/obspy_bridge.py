@@ -84,6 +84,11 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
         if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
             said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
     channels = [channel_of(trace, response is not None) for trace in stream]
+    if not any(len(channel.code) > 1 and channel.code.isdigit() for channel in channels):
+        # recorders count channels from 0, and no other code is an azimuth
+        channels = [
+            replace(channel, orientation=None) if channel.code == "0" else channel for channel in channels
+        ]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
 
 

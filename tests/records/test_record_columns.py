@@ -203,8 +203,12 @@ def test_what_is_refused_names_the_key_that_helps(tmp_path):
     counted = f"a title\n{ACC.size}\n" + table(ACC)
     with pytest.raises(RecordError, match=r"line 2: 603 looks like the number of .* `header_lines: 2`"):
         load(tmp_path, counted, dt=samples.DT, unit="m/s2")
+    silent = HEADER.replace("Acceleration units: g", "a line")
     with pytest.raises(RecordError, match=r"rows of numbers begin in line 5: declare `header_lines: 4`"):
-        load(tmp_path, HEADER + table(ACC / G), dt=samples.DT)
+        load(tmp_path, silent + table(ACC / G), dt=samples.DT)
+    (motion,) = load(tmp_path, HEADER + table(ACC / G))  # it states all
+    np.testing.assert_allclose(motion.acc[1], ACC, atol=1e-7)
+    assert any("dt = 0.005 s is taken from line 2" in said for said in motion.warnings)
     with pytest.raises(RecordError, match=r"column 1 rises evenly by 0\.005: give `time_column: 1`"):
         load(tmp_path, table(TIME, ACC), unit="g")
     with pytest.raises(RecordError, match=r"line 3: 1 number, the rows above have 2"):

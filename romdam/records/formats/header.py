@@ -131,6 +131,21 @@ def _peak_doubts(
     return said
 
 
+def unit_of_peak(lines: Sequence[tuple[int, str]], columns: Sequence[Array]) -> tuple[str, str]:
+    """The unit in which values have a peak that the header states, and what is said of that; "" for none."""
+    sizes = np.array([np.nanmax(np.abs(values)) for values in columns if np.any(np.isfinite(values))])
+    for index, line in lines:
+        for one in statements(line):
+            if one.kind != PEAK or not one.unit or not one.value > 0.0:
+                continue
+            if np.any(np.abs(sizes / one.value - 1.0) <= max(1e-4, min(one.slack / one.value, PEAK_SHARE))):
+                return one.unit, (
+                    f"the unit {one.unit} is that of the peak of {one.value:g} in line {index + 1}, which "
+                    "the data have"
+                )
+    return "", ""
+
+
 def _extremes(series: Sequence[Series]) -> Array:
     """Largest and least values of the channels, with and without their mean [m/s2]; none where unknown."""
     found: list[float] = []

@@ -49,12 +49,6 @@ _FOREIGN: tuple[tuple[str, str, str], ...] = (
         "a Volume I or II file of USC or CIT",
         "take the same record from CESMD or PEER",
     ),
-    (
-        r"strong ground motion records of turk",
-        "a text of AFAD (NSMN, Turkey), three columns in gal",
-        "declare `header_lines: 18`, `dt` (SAMPLING INTERVAL) and `unit: cm/s2`, with `components: {x: 2, "
-        "y: 1, z: 3}` for E-W, N-S and U-D",
-    ),
 )  # fmt: skip
 
 
@@ -130,12 +124,28 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
         return read_with_obspy(path, declared.response)
     except UnknownFormatError:
         row = first_row(head)
+    if row and (channels := _of_its_header(path, declared, row)):
+        return channels
     if row is None:
         raise NoAccelerationError(f"{path}: line 1: not a record of any known format; romdam reads {READ}")
     raise RecordError(
         f"{path}: line 1: not a record of any known format, but rows of numbers begin in line {row + 1}: "
         f"declare `header_lines: {row}` if these are its samples; romdam reads {READ}"
     )
+
+
+def _of_its_header(path: Path, declared: Declared, row: int) -> list[Channel]:
+    """The channels of a text whose header states interval and unit, as AFAD's and CSMNC's do; else none."""
+    layout = Layout(header_lines=row)
+    try:
+        channels = read_columns(path, declared.dt, declared.time_column, declared.unit, layout)
+    except NoAccelerationError:
+        raise
+    except RecordError as error:
+        if error.key == "dt" or "layout" in str(error):  # it does not say so much of itself
+            return []
+        raise
+    return channels if channels[0].unit or declared.unit else []
 
 
 FORMATS: dict[str, Format] = {

@@ -38,7 +38,7 @@ _DATA = ("data", "dati", "dato", "veri", "accelerat", "ordinate", "reading", "te
 _LENGTHS = ("length", "duration", "duracion", "durata", "duree", "dauer", "longitud", "lunghezza", "sure")
 _PEAKS = ("peak", "max", "maxi", "pga", "massim", "pico", "spitze", "maks")
 _OTHER_RATES = (
-    "filter", "corner", "cut", "pass", "highpass", "lowpass", "hp", "lp", "natural", "nyquist", "usable",
+    "filter", "corner", "cut", "highpass", "lowpass", "hp", "lp", "natural", "nyquist", "usable",
     "band", "taper", "pole", "order", "sensor", "instrument", "transducer", "domin", "fundamental", "resonan",
     "baud", "clock", "drift", "geolog",
 )  # fmt: skip
@@ -171,7 +171,7 @@ def _statement(label: str, value: float, slack: float, unit: str, behind: str) -
     per_second = any(_LIKE_RATES.search(text.lower()) for text in (tail[:24], *in_brackets))
     if per_second or (_LIKE_RATES.search(label.lower()) and value == int(value)):
         return Statement(RATE, value, "", slack, "")
-    if not _begins(words, _OTHER_RATES):
+    if not _begins(words, _OTHER_RATES) and "pass" not in words:
         plain = not acceleration and (plain_words(unit) or [""])[0] in ("", *_COUNTED)
         if hertz is None and (seconds is not None or not acceleration) and _steps(words, seconds is not None):
             factor = seconds or 1.0
@@ -188,7 +188,7 @@ def _statement(label: str, value: float, slack: float, unit: str, behind: str) -
         if acceleration or "pga" in words or _begins(words, _OF_ACCELERATION):
             return Statement(PEAK, abs(value), acceleration, slack, "")
     counted = seconds is None and hertz is None and value == int(value) and value >= 3
-    if counted and _is_count(words, (plain_words(unit) or [""])[0]):
+    if counted and _is_count(words, plain_words(unit + tail[len(unit) :])[:2]):
         return Statement(COUNT, value, "", 0.0, "")
     return None
 
@@ -217,17 +217,20 @@ def _unit_word(text: str) -> str:
     return text.strip().strip(".").lower().replace("µ", "u").replace("μ", "u")
 
 
-def _is_count(words: list[str], behind: str) -> bool:
-    """Whether a whole number counts samples."""
+def _is_count(words: list[str], behind: list[str]) -> bool:
+    """Whether a whole number counts samples; `behind` are the two words behind it."""
     counted = bool(_COUNTED & set(words))
-    if _begins(words, _OTHER_COUNTS) and not counted:
-        return _begins([behind], _NOUNS) and not _begins(words[-1:], _OTHER_COUNTS)
+    nouns = [i for i, word in enumerate(words) if _begins([word], _NOUNS)]
+    if counted or any(_COUNTING & set(words[max(0, i - 3) : i]) for i in nouns):  # number of data points
+        return True
+    if behind[:1] and _begins(behind[:1], ("data", "acce")):  # 4000 data points
+        behind = behind[1:]
+    behind_it = _begins(behind[:1], _NOUNS) and behind[0].endswith(("s", "i", "n"))
+    if _begins(words, _OTHER_COUNTS):
+        return behind_it and not _begins(words[-1:], _OTHER_COUNTS)
     if _begins(words, ("per", "scale", "max", "peak", "mean", "min", "first", "rate", "freq")):
         return False
-    counting = bool(_COUNTING & set(words))
-    noun = _begins(words[-3:], _NOUNS) and (counting or _plural_end(words))
-    behind_it = _begins([behind], _NOUNS) and behind.endswith(("s", "i", "n"))
-    return counted or noun or behind_it or (counting and _begins(words, _DATA))
+    return behind_it or _plural_end(words) or (bool(_COUNTING & set(words)) and _begins(words, _DATA))
 
 
 def _plural_end(words: list[str]) -> bool:

@@ -267,7 +267,8 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
 def acceleration_unit(word: str) -> str:
     """A file's unit in romdam's spelling; "" for anything else, however much of it looks like a unit."""
     text = re.sub(r"\s|\^|\*\*|·", "", word.lower()).strip(".").replace("²", "2").replace("⁻", "-")
-    return _ACCELERATIONS.get(text.replace("sec", "s").replace("/s/s", "/s2"), "")
+    text = text.replace("sec", "s").replace("/s/s", "/s2").replace("s*s", "s2")
+    return _ACCELERATIONS.get(text, "")
 
 
 def check_peak(text: TextFile, index: int, stated: float, measured: float, digit: float = 0.0) -> None:
