@@ -76,9 +76,11 @@ def _check_time(text: TextFile, index: int, stated: Statement, series: Sequence[
             raise text.fail(index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s")
     wrong_count = stated.kind == COUNT and int(stated.value) not in (count, count * len(series))
     if wrong_count and stated.value >= FEWEST and count:
-        raise text.fail(
-            index, f"{stated.value:.0f} samples are stated, the file holds {count}; it is cut short"
-        )
+        times = count / stated.value
+        why = "it is cut short"
+        if times in (2.0, 3.0):
+            why = f"are {times:.0f} components one below another in it? Then cut it into {times:.0f} files"
+        raise text.fail(index, f"{stated.value:.0f} samples are stated, the file holds {count}; {why}")
 
 
 def _length_doubt(index: int, stated: Statement, series: Sequence[Series], dt: float) -> list[str]:
