@@ -32,6 +32,7 @@ COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t"}
 MANY = 16  # rows; fewer may rise evenly by chance
 COARSE = 10.0  # steps; times that are printed more coarsely say nothing of their interval
+PLAUSIBLE = (5e-4, 0.1)  # s, of the step of a column that is named time without a unit
 RESULTANT = 1e-3  # of the size of a vector, to which a column equals it
 RUNS_ON = 1.25  # change along rows over change down columns, below which a table may be a wrapped series
 NAMING = 3  # lines next to the rows that may name the columns: names, their units, a rule
@@ -246,7 +247,10 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
         if line.lstrip().startswith(COMMENTS):
             comments.append((index, text.head(index)))
         elif line.strip() and not lines and header is None and not _ROW.match(line):
-            header = index
+            if statements(line):  # "Time Step: 0.005" names no column
+                comments.append((index, text.head(index)))
+            else:
+                header = index
         elif line.strip():
             lines.append((index, line))
     if not lines:
@@ -443,9 +447,11 @@ def _stated_interval(text: TextFile, table: _Table, layout: Layout) -> tuple[flo
                 dt = stated.value if stated.kind == INTERVAL else 1.0 / stated.value
                 return dt, (f"dt = {dt:g} s is taken from line {index + 1}: {stated.text}",)
     for i, name in table.names.items():
-        unit = _BRACKETS.search(name)
+        unit, named = _BRACKETS.search(name), plain_words(name)
+        step = _rises(table.values[:, i]) if len(table.values) >= MANY else 0.0
         timed = unit is not None and unit[1].lower().rstrip(".") in SECONDS
-        if timed and len(table.values) >= MANY and _rises(table.values[:, i]):
+        bare = unit is None and named in (["time"], ["t"]) and PLAUSIBLE[0] <= step <= PLAUSIBLE[1]
+        if step and (timed or bare):
             dt = _even_dt(table.times(i + 1, text), text, table.first)
             return dt, (f"dt = {dt:g} s is that of column {i + 1}, which is named {name!r}",)
     return None, ()
