@@ -39,6 +39,13 @@ SOUND = {  # text, keys
         {},
     ),
     "end mark": (lines("{:.8e}", ACC) + "*** End Data ***\n", {"dt": "0.01 s", "unit": "m/s2"}),
+    "end mark of PEER's": (
+        "PEER STRONG MOTION DATABASE RECORD\nEvent, 1/1/2000, Station, 090\n"
+        "ACCELERATION TIME HISTORY IN UNITS OF G\n 2000  0.0100  NPTS, DT\n"
+        + lines("{:.8e}", ACC / G)
+        + "*** End Data ***\n",
+        {},
+    ),
     "dates": (
         "time,RelativeTime(s),acc (cm/s2)\n" + lines("{},{:.2f},{:.5f}", CLOCK, TIME, 100 * ACC),
         {"time_column": 2, "components": {"y": 3}},

@@ -39,7 +39,6 @@ NAMING = 3  # lines next to the rows that may name the columns: names, their uni
 MOST_HEADER = 200  # lines of text above columns that are looked through for the first row of numbers
 _ROW = re.compile(r"^[\s,;\"]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s\"]*$")
 _REAL = r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-_END_MARK = re.compile(r"[^\d]*\b(?:end|eof|fin|ende|fine|stop)\b[^\d]*", re.I)
 _CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?"
 _DAY = r"\d{4}([-/.])\d{1,2}\1\d{1,2}|\d{1,2}([-/])\d{1,2}\2\d{4}"
 _DATE = re.compile(rf"\b(?:{_DAY})(?:[T ]+{_CLOCK})?(?:Z|[+-]\d\d:?\d\d)?|\b{_CLOCK}(?:Z|\b)")
@@ -239,10 +238,7 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
     comments = [(index, text.head(index)) for index in range(skipped) if text.lines[index].strip()]
     header: int | None = None
     lines: list[tuple[int, str]] = []
-    end = len(text.lines)
-    while end > skipped and (not text.lines[end - 1].strip() or _END_MARK.fullmatch(text.head(end - 1))):
-        end -= 1
-    for index in range(skipped, end):
+    for index in range(skipped, text.end):
         line = undated(text.lines[index])
         if line.lstrip().startswith(COMMENTS):
             comments.append((index, text.head(index)))
