@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from vintages import csmip_v1
 
 from romdam.config.sections.motions.records import read_entry
 from romdam.core.errors import RecordError
-from romdam.records.channel import Orientation
+from romdam.records.channel import Channel, Orientation
 from romdam.records.formats.registry import Declared, read_channels
+from romdam.records.formats.smc import write_smc
+from romdam.records.measures import peak_ground
 from romdam.records.record_set import load_motions
 
 DT = 0.01
@@ -140,3 +143,59 @@ def test_names_of_columns_tell_directions(tmp_path, names, where):
     channels = read_channels(tmp_path / "r.csv", Declared(dt=DT))
     expected = [Orientation(None, 1) if azimuth is None else Orientation(azimuth) for azimuth in where]
     assert [channel.orientation for channel in channels] == expected
+
+
+def csmip(tmp_path, change):
+    (tmp_path / "r.v1").write_text(change(csmip_v1(ACC[:600])))
+    return read_channels(tmp_path / "r.v1")
+
+
+def test_csmip_files_that_hold_every_channel_twice_are_read_once(tmp_path):
+    channels = csmip(tmp_path, lambda text: text + text)
+    assert [channel.code for channel in channels] == ["1", "2"]
+    assert "2 of 4 channels are in the file twice: left out" in channels[0].warnings
+
+
+@pytest.mark.parametrize("cut", ["Chan  2: U", "Chan  2:", "Chan  2: "])
+def test_csmip_titles_that_are_cut_still_tell_up(tmp_path, cut):
+    def change(text):
+        title = next(line for line in text.splitlines() if line.startswith("Chan  2"))
+        there = "Station, sensor direction Up" if cut.strip().endswith(":") else "Station"
+        head, below = text.replace(title, cut).split(cut)
+        return head + cut + below.replace("Record of Mon Feb 13, 2012", there, 1)
+
+    first, second = csmip(tmp_path, change)
+    assert (first.orientation, second.orientation) == (Orientation(90.0), Orientation(None, 1))
+
+
+@pytest.mark.parametrize("precise", [False, True])
+def test_smc_of_boores_programs(tmp_path, precise):
+    """The first line may name no kind, comments may lack the bar, and few write header 47."""
+    gal = np.round(100 * ACC, 3)
+    write_smc(Channel("H1", gal, DT, "cm/s2"), tmp_path / "r.smc")
+    written = (tmp_path / "r.smc").read_text().splitlines()
+    written[0] = "0 UNKNOWN                 "
+    integers = written[12]
+    written[12] = integers[:70] + f"{2:10d}"  # header 16, the number of comments
+    rows = written[27:]
+    if precise:
+        words = [f"{value:.7E}".replace("E+0", "E+").replace("E-0", "E-").rjust(14) for value in gal]
+        rows = ["".join(words[i : i + 5]) for i in range(0, gal.size, 5)]
+    text = "\n".join([*written[:27], "| made by a program", " at a high rate", *rows]) + "\n"
+    (tmp_path / "r.smc").write_text(text)
+    (channel,) = read_channels(tmp_path / "r.smc")
+    np.testing.assert_allclose(channel.data, gal, atol=1e-4 if precise else 0.02)
+    assert any("names no kind of series" in said for said in channel.warnings)
+
+
+def test_three_components_below_each_other_are_refused_with_a_remedy(tmp_path):
+    text = "# 2000 points\n" + lines("{:.6f}", np.concatenate([ACC, 0.7 * ACC, 0.3 * ACC]))
+    with pytest.raises(RecordError, match="are 3 components one below another in it"):
+        load(tmp_path, text, dt="0.01 s", unit="m/s2")
+
+
+def test_peak_velocity_lies_between_samples():
+    """Acceleration 3, -1 m/s2 at 0 and 0.1 s is zero at 0.075 s, where velocity is 0.1125 m/s."""
+    assert peak_ground(np.array([1.0, -3.0]), 0.1)["pgv"] == pytest.approx(0.1, rel=1e-12)  # at the end
+    assert peak_ground(np.array([3.0, -1.0]), 0.1)["pgv"] == pytest.approx(0.1125, rel=1e-12)
+    assert peak_ground(np.array([1.0, -1.0]), 0.1)["pgv"] == pytest.approx(0.025, rel=1e-12)
