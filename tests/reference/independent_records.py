@@ -21,24 +21,10 @@ import numpy as np
 from romdam.core.errors import RomdamError
 from romdam.records.formats.registry import read_channels
 
-SUFFIXES = [
-    ".at2",
-    ".txt",
-    ".dat",
-    ".csv",
-    ".g3",
-    ".th",
-    ".asc",
-    ".ew",
-    ".ns",
-    ".ud",
-    ".ew1",
-    ".ns1",
-    ".ud1",
-    ".ew2",
-    ".ns2",
-    ".ud2",
-]
+SUFFIXES = {
+    ".at2", ".txt", ".dat", ".csv", ".g3", ".th", ".asc", ".ew", ".ns", ".ud", ".ew1", ".ns1", ".ud1", ".ew2",
+    ".ns2", ".ud2",
+}  # fmt: skip
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 Parsed = tuple[float, list[np.ndarray]]  # interval [s], samples in the file's unit
 

@@ -25,7 +25,7 @@ HEADER_LINES = 4
 MOST_HEADER = 10  # lines, with prose above the last
 _KEYED = re.compile(r"^\s*NPTS\s*=\s*([^,\s]+)\s*,?\s*DT\s*=\s*(.*)$", re.IGNORECASE)
 _BARE = re.compile(r"^\s*(\S+)[\s,]+(\S+)\s+NPTS\s*,\s*DT[\s.,;]*$", re.IGNORECASE)
-_TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[.]?(?:[\s,;].*)?")
+_TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[.]?\s*(?:[,;].*|-?\d+\s+POLES?\b.*)?", re.IGNORECASE)
 _SECONDS = {"": 1.0, "S": 1.0, "SEC": 1.0, "SECS": 1.0, "SECONDS": 1.0, "MSEC": 1e-3, "MS": 1e-3}
 _UNITS = re.compile(r"UNITS\s+OF\s+(.*?)(?:[.,;]\s+(FILTER\s+POINTS\b.*))?$", re.IGNORECASE)
 _UNITS_ARE = re.compile(r"\bunits?\s+(?:are|is|[:=])\s*\(?\s*([^\s()]+)", re.IGNORECASE)

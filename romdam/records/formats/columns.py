@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, NoAccelerationError, Orientation, parse_orientation
-from romdam.records.formats.header import Series, check_header, unit_of_peak
+from romdam.records.formats.header import LARGEST, Series, check_header, unit_of_peak
 from romdam.records.formats.statements import (
     COUNT,
     INTERVAL,
@@ -522,7 +522,8 @@ def _not_channels(
         how = f"rises evenly by {step:g}" if step else "never falls"
         said.append(f"column {i + 1} {how}: taken for times or numbers, not for a motion")
     rest = [i for i in range(width) if i not in left]
-    for i in rest if len(rest) >= 3 else ():
+    sound = len(rest) >= 3 and bool(np.all(np.abs(table.values[:, rest]) < LARGEST))
+    for i in rest if sound else ():
         others = table.values[:, [k for k in rest if k != i]]
         total = np.sqrt(np.sum(others**2, axis=1))
         if np.all(table.values[:, i] >= 0.0) and np.allclose(

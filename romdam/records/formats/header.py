@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 FEWEST = 16  # samples that a header counts; fewer count something else
 DIGITS = 0.01  # of an interval, that its printed digits may lose
 EXACT = 1e-3
+LARGEST = 1e20  # in any unit; beyond it a sample is a mark of no value, or damage
 MISTAKES = (9.80665, 100.0, 980.665, 1000.0)  # ratios of units of acceleration
 LIKE_A_MISTAKE = 0.01  # of such a ratio
 _BARE = re.compile(r"[-+.\deE,;\s]+")
@@ -135,7 +136,8 @@ def _peak_doubts(
 
 def unit_of_peak(lines: Sequence[tuple[int, str]], columns: Sequence[Array]) -> tuple[str, str]:
     """The unit in which values have a peak that the header states, and what is said of that; "" for none."""
-    sizes = np.array([np.nanmax(np.abs(values)) for values in columns if np.any(np.isfinite(values))])
+    finite = [values[np.abs(values) < LARGEST] for values in columns]
+    sizes = np.array([np.max(np.abs(values)) for values in finite if values.size])
     for index, line in lines:
         for one in statements(line):
             if one.kind != PEAK or not one.unit or not one.value > 0.0:
@@ -153,10 +155,11 @@ def _extremes(series: Sequence[Series]) -> Array:
     found: list[float] = []
     for channel in series:
         factor = _in_si(channel.unit)
-        if factor <= 0.0 or not np.any(np.isfinite(channel.values)):
+        finite = channel.values[np.abs(channel.values) < LARGEST]
+        if factor <= 0.0 or not finite.size:
             return np.zeros(0)
-        for values in (channel.values, channel.values - np.nanmean(channel.values)):
-            found += [abs(factor * float(np.nanmax(values))), abs(factor * float(np.nanmin(values)))]
+        for values in (finite, finite - np.mean(finite)):
+            found += [abs(factor * float(np.max(values))), abs(factor * float(np.min(values)))]
     return np.array(found)
 
 
