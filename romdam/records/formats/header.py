@@ -181,7 +181,7 @@ def _bare_doubt(text: TextFile, index: int, line: str, series: Sequence[Series],
     RecordError
         where one of them is the data's and the other is not.
     """
-    line = line.lstrip("#%!/ \t")
+    line = re.sub(r"\(\s*\d*[FEGIfegi]\d[^)]*\)", " ", line).lstrip("#%!/ \t")  # a form of Fortran's
     words = line.replace(",", " ").replace(";", " ").split()
     count = series[0].values.size if series else 0
     if not (_BARE.fullmatch(line) and 1 <= len(words) <= 4):

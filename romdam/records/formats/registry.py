@@ -17,6 +17,7 @@ from romdam.records.formats.esm import is_esm, read_esm, write_esm
 from romdam.records.formats.geonet import is_geonet, read_geonet
 from romdam.records.formats.knet import is_knet, read_knet
 from romdam.records.formats.smc import is_smc, read_smc, write_smc
+from romdam.records.formats.statements import statements, unit_stated
 from romdam.records.formats.text import decode, read_bytes
 
 HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand bytes of header
@@ -124,7 +125,8 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
         return read_with_obspy(path, declared.response)
     except UnknownFormatError:
         row = first_row(head)
-    if row and (channels := _of_its_header(path, declared, row)):
+    says_something = row and any(statements(line) or unit_stated(line)[0] for line in head.splitlines()[:row])
+    if row and says_something and (channels := _of_its_header(path, declared, row)):
         return channels
     if row is None:
         raise NoAccelerationError(f"{path}: line 1: not a record of any known format; romdam reads {READ}")

@@ -27,16 +27,64 @@ _A_SECOND = r"\s*(?:/|per|por|al|a)\s*s(?:ec(?:ond)?|eg\w*)?s?"
 _LIKE_RATES = re.compile(rf"(?:samples?|sampl?|pts|points?|data|values?|muestras|dati|1){_A_SECOND}\b")
 _PER_SAMPLE = re.compile(r"(?:s|sec|seconds?)\s*(?:/|per)\s*(?:sample|point|sampl)")
 # how words begin, in the languages of agencies; `|` parts them
-_SAMPLING = ("sampl", "muestr", "campion", "echant", "abtast", "digiti", "orneklem", "smp")
-_STEPS = ("interval", "step", "spac", "increment", "deltat", "schritt", "passo", "paso", "aralig", "aralik")
-_STEP_WORDS = {"dt", "delta", "pas", "tsamp", "tstep", "del", "deltat", "dtime", "timestep"}
-_RATE_WORDS = ("rate", "freq", "frec", "tasa", "cadenc", "velocidad", "sps", "frekans", "rata")
+_SAMPLING = (
+    "sampl",
+    "muestr",
+    "campion",
+    "echant",
+    "abtast",
+    "digiti",
+    "orneklem",
+    "smp",
+    "采样",
+    "サンプリング",
+)
+_STEPS = (
+    "interval",
+    "step",
+    "spac",
+    "increment",
+    "deltat",
+    "schritt",
+    "passo",
+    "paso",
+    "aralig",
+    "aralik",
+    "间隔",
+    "間隔",
+)
+_STEP_WORDS = {"dt", "δt", "delta", "pas", "tsamp", "tstep", "del", "deltat", "dtime", "timestep"}
+_RATE_WORDS = (
+    "rate",
+    "freq",
+    "frec",
+    "tasa",
+    "cadenc",
+    "velocidad",
+    "sps",
+    "frekans",
+    "rata",
+    "频率",
+    "周波数",
+)
 _NOUNS = ("point", "sample", "pts", "punto", "punti", "muestra", "campion", "echantillon", "wert", "value")
 _COUNTED = {"npts", "ndata", "nsamp", "nsamples", "npoints", "npt", "npnts", "nsmp", "ndat"}
 _COUNTING = {"number", "no", "num", "nb", "numero", "nr", "count", "total", "size", "nombre", "anzahl"}
 _DATA = ("data", "dati", "dato", "veri", "accelerat", "ordinate", "reading", "term", *_NOUNS)
-_LENGTHS = ("length", "duration", "duracion", "durata", "duree", "dauer", "longitud", "lunghezza", "sure")
-_PEAKS = ("peak", "max", "maxi", "pga", "massim", "pico", "spitze", "maks")
+_LENGTHS = (
+    "length",
+    "duration",
+    "duracion",
+    "durata",
+    "duree",
+    "dauer",
+    "longitud",
+    "lunghezza",
+    "sure",
+    "时长",
+    "持时",
+)
+_PEAKS = ("peak", "max", "maxi", "pga", "massim", "pico", "spitze", "maks", "峰值", "最大")
 _OTHER_RATES = (
     "filter", "corner", "cut", "highpass", "lowpass", "hp", "lp", "natural", "nyquist", "usable",
     "band", "taper", "pole", "order", "sensor", "instrument", "transducer", "domin", "fundamental", "resonan",
@@ -49,7 +97,7 @@ _OTHER_COUNTS = (
 _OTHER_LENGTHS = (
     "signif", "strong", "ruptur", "arias", "fault", "wave", "focal", "cable", "taper", "pre", "post",
     "trigger", "header", "block", "format", "word", "bracket", "brack", "husid", "source", "line", "crest",
-    "dam", "pad", "window", "total",
+    "dam", "pad", "window",
 )  # fmt: skip
 _OTHER_PEAKS = (
     "vel", "disp", "pgv", "pgd", "time", "mag", "freq", "range", "scale", "full", "volt", "capac", "intens",
@@ -149,9 +197,15 @@ def _unit_behind(behind: str) -> str:
 
 
 def _begins(words: list[str], starts: tuple[str, ...]) -> bool:
-    """Whether one of the words begins so; starts of up to three letters are whole words."""
+    """Whether one of the words begins so; starts of up to three letters are whole words.
+
+    Long ones, and those of scripts without blanks, may stand anywhere in a word: Abtastintervall.
+    """
     long = tuple(start for start in starts if len(start) > 3)
-    return any(word in starts or word.startswith(long) for word in words)
+    within = [start for start in starts if len(start) > 5 or not start.isascii()]
+    return any(
+        word in starts or word.startswith(long) or any(part in word for part in within) for word in words
+    )
 
 
 def _statement(label: str, value: float, slack: float, unit: str, behind: str) -> Statement | None:
@@ -208,7 +262,8 @@ def _steps(words: list[str], in_seconds: bool) -> bool:
 def _rates(words: list[str], in_hertz: bool, plain: bool) -> bool:
     """Whether words are of samples a second."""
     sampling = _begins(words, _SAMPLING)
-    rated = _begins(words, ("rate", "sps", "fs")) or (sampling and _begins(words, _RATE_WORDS))
+    one_word = any("rate" in word or "freq" in word for word in words if _begins([word], _SAMPLING))
+    rated = _begins(words, ("rate", "sps", "fs")) or (sampling and _begins(words, _RATE_WORDS)) or one_word
     return (in_hertz and (rated or sampling or not words)) or (rated and plain)
 
 
@@ -227,7 +282,7 @@ def _is_count(words: list[str], behind: list[str]) -> bool:
         behind = behind[1:]
     behind_it = _begins(behind[:1], _NOUNS) and behind[0].endswith(("s", "i", "n"))
     if _begins(words, _OTHER_COUNTS):
-        return behind_it and not _begins(words[-1:], _OTHER_COUNTS)
+        return behind_it
     if _begins(words, ("per", "scale", "max", "peak", "mean", "min", "first", "rate", "freq")):
         return False
     return behind_it or _plural_end(words) or (bool(_COUNTING & set(words)) and _begins(words, _DATA))
