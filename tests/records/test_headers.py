@@ -180,6 +180,15 @@ def test_contradictions_of_free_text_are_told(tmp_path, line):
     assert said is None or said - usual
 
 
+def test_an_interval_of_before_is_told_where_another_line_states_the_right_one(tmp_path):
+    keys = {"dt": "0.01 s", "unit": "cm/s2", "header_lines": 2}
+    lines = "Original sampling rate: 200 Hz, 4000 samples\nSampling rate: 100 Hz, 2000 samples\n"
+    said = told(tmp_path, lines + rows(EW), **keys)
+    assert said is not None
+    assert any("line 1: an interval of 0.005 s is stated" in text for text in said)
+    assert any("line 1: 4000 samples are stated" in text for text in said)
+
+
 TRUE = [
     "Delta t : 0,01 s", "Sampling frequency = 100 Hz", "Record length = 20 s, 2000 samples", "2000 0.0100",
     "PGA = 224.9 gal at 10.0 s, 31/12/1999", "Low-cut filter at 0.1 Hz, order 4, corner frequency 25 Hz",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from romdam.core.errors import RecordError
 from romdam.records.formats.statements import COUNT, INTERVAL, LENGTH, PEAK, RATE, Statement, statements
 from romdam.records.formats.text import PEAK_SHARE, TextFile
 from romdam.records.plausible import DOUBTED_UNIT
@@ -55,33 +56,48 @@ def check_header(
         for an interval, a rate or a count that the data contradict, and a peak that another unit explains.
     """
     said: list[str] = []
+    agreeing: set[str] = set()  # what of interval, rate and count another line states rightly
+    wrong: list[tuple[str, RecordError]] = []
     for index, line in lines:
         if bare := _bare_doubt(text, index, line, series, dt):
             said.append(bare)
         stated = statements(line, decimal_comma=decimal_comma)
         for one in stated:
-            _check_time(text, index, one, series, dt)
+            what = COUNT if one.kind == COUNT else INTERVAL
+            if (error := _wrong_time(text, index, one, series, dt)) is not None:
+                wrong.append((what, error))
+            elif one.kind in (COUNT, INTERVAL, RATE):
+                agreeing.add(what)
             said += _length_doubt(index, one, series, dt)
         said += _peak_doubts(text, index, [one for one in stated if one.kind == PEAK], series, unit)
+    for what, error in wrong:
+        if what not in agreeing:  # else one of them is of the record before it was resampled or cut
+            raise error
+        said.append(str(error).removeprefix(f"{text.path}: "))
     return tuple(dict.fromkeys(said))
 
 
-def _check_time(text: TextFile, index: int, stated: Statement, series: Sequence[Series], dt: float) -> None:
-    """Refuse an interval, a rate or a count that is not the data's."""
+def _wrong_time(
+    text: TextFile, index: int, stated: Statement, series: Sequence[Series], dt: float
+) -> RecordError | None:
+    """The error of an interval, a rate or a count that is not the data's."""
     count = series[0].values.size if series else 0
     if stated.kind in (INTERVAL, RATE):
         has = dt if stated.kind == INTERVAL else 1.0 / dt
         slack = max(EXACT * has, min(stated.slack, DIGITS * has))
         if abs(stated.value - has) > slack * (1.0 + 1e-9):
             interval = stated.value if stated.kind == INTERVAL else 1.0 / stated.value
-            raise text.fail(index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s")
+            return text.fail(
+                index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s"
+            )
     wrong_count = stated.kind == COUNT and int(stated.value) not in (count, count * len(series))
     if wrong_count and stated.value >= FEWEST and count:
         times = count / stated.value
         why = "it is cut short"
         if times in (2.0, 3.0):
             why = f"are {times:.0f} components one below another in it? Then cut it into {times:.0f} files"
-        raise text.fail(index, f"{stated.value:.0f} samples are stated, the file holds {count}; {why}")
+        return text.fail(index, f"{stated.value:.0f} samples are stated, the file holds {count}; {why}")
+    return None
 
 
 def _length_doubt(index: int, stated: Statement, series: Sequence[Series], dt: float) -> list[str]:
