@@ -6,7 +6,7 @@ import pytest
 from romdam.config.sections.motions.records import read_entry
 from romdam.core.errors import RecordError
 from romdam.records.channel import Orientation
-from romdam.records.formats.registry import read_channels
+from romdam.records.formats.registry import Declared, read_channels
 from romdam.records.formats.statements import COUNT, INTERVAL, LENGTH, PEAK, RATE, statements
 from romdam.records.record_set import load_motions
 
@@ -178,6 +178,23 @@ def test_contradictions_of_free_text_are_told(tmp_path, line):
     assert usual is not None
     said = told(tmp_path, f"A dam\n{line}\n" + rows(EW), **keys)
     assert said is None or said - usual
+
+
+@pytest.mark.parametrize(
+    "name", ["acc in g", "acc_g", "acc_ms2", "Acceleration [m/s^2]", "ACC (G)", "acc_m_s2"]
+)
+def test_units_in_names_of_columns_count(tmp_path, name):
+    """One column in gal, of which its name says otherwise: refused with `unit`, another size without."""
+    assert told(tmp_path, f"{name}\n" + rows(EW), dt="0.01 s", unit="cm/s2") is None
+    (tmp_path / "r.txt").write_text(f"{name}\n" + rows(EW / 1000.0))
+    (channel,) = read_channels(tmp_path / "r.txt", Declared(dt=0.01))
+    assert channel.unit == ("g" if "g" in name.lower() else "m/s2")
+
+
+def test_a_title_is_no_unit(tmp_path):
+    (tmp_path / "r.txt").write_text("Record of Dam G\n" + rows(EW))
+    (channel,) = read_channels(tmp_path / "r.txt", Declared(dt=0.01))
+    assert channel.unit == ""
 
 
 def test_an_interval_of_before_is_told_where_another_line_states_the_right_one(tmp_path):

@@ -324,6 +324,8 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
         return _Table(values, {}, tuple(comments), first, last, False, warnings)
     above = [(index, line) for index, line in comments if index < first]
     names, warnings = _column_names(text, header, above, skipped, delimiter, width)
+    if header is not None and not names and not _BRACKETS.search(text.head(header)):  # a title, no names
+        comments.append((header, text.head(header)))
     values = np.array([row for _, row in rows])
     return _Table(values, names, tuple(comments), first, last, delimiter != " ", warnings)
 
@@ -351,6 +353,8 @@ def _column_names(
                 header, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}; mend or remove it"
             )
         names = _parse_names(line, delimiter, width)
+        if width == 1 and not names:  # "acc in g"
+            names = {0: line.strip()}
         if names or not _BRACKETS.search(line):
             return names, ()
         counted = f"{width} column{'s' * (width > 1)}"
@@ -410,7 +414,8 @@ def _unit_of_name(name: str) -> str:
     words = [word for word in _BRACKETS.findall(name) if word]
     pieces = re.split(r"[\s_.,:;()\[\]-]+|\bin\b", re.sub(r"[(\[].*", "", name).strip())
     pieces = [piece for piece in pieces if piece]
-    if len(pieces) > 1:  # acc_g, acc in g, acc_ms2, acc_m_s2
+    titled = " " in name.strip() and not re.search(r"\b(?:a|acc|acel)", name, re.I)  # "Record of Dam G"
+    if len(pieces) > 1 and not titled:  # acc_g, acc in g, acc_ms2, acc_m_s2
         words += [tail for tail in (pieces[-1], "/".join(pieces[-2:])) if acceleration_unit(tail)][:1]
     units = list(dict.fromkeys(filter(None, map(acceleration_unit, words))))
     if len(units) == 1:
