@@ -39,8 +39,10 @@ def scene_of(job: Job) -> Scene:
         records = load_motions([entry.record], job.folder)
         if len(records) != 1:
             raise ConfigError(f"{location}: a support has one record, got {len(records)}; name one file")
-        refuse_drift(records[0], location)
-        motions.append(replace(motion, record=records[0]))
+        still = replace(records[0], acc=0.0 * records[0].acc)
+        motion = replace(motion, record=records[0])
+        refuse_drift(still, [motion], location)
+        motions.append(motion)
     return replace(scene, moving=replace(scene.moving, motions=tuple(motions)))
 
 
@@ -66,10 +68,23 @@ def refuse_drifting(job: Job, motions: Sequence[GroundMotion]) -> None:
     along = job.config.ground.along
     if along is not None:
         moving += along.stations
-    if any(support_motion.record is not None for support_motion in moving) and len(motions) > 1:
+    own = [support_motion for support_motion in moving if support_motion.record is not None]
+    if own and len(motions) > 1:
         raise ConfigError(
             f"{job.path}: a support's or station's own record goes with one record, and `records` has "
             f"{len(motions)}; name one, or give `delay` and `factor`"
         )
-    for motion in motions if moving or along is not None else ():
-        refuse_drift(motion, f"{job.path}: records")
+    supports = []
+    for k, support in enumerate(job.config.supports):
+        if support.motion is not None and support.motion.record is None:
+            supports.append(SupportMotion(k, support.motion.delay, support.motion.factor))
+    for k, station in enumerate(() if along is None else along.stations):
+        if station.record is None:
+            supports.append(SupportMotion(k, station.delay, station.factor, station=0.0))
+    for motion in motions:
+        every = [*supports]
+        if own:  # what moves by its own record is left by the base's
+            every.append(SupportMotion(0, factor=0.0))
+        if along is not None and along.velocity is not None:  # its stations are known once there is a mesh
+            every.append(SupportMotion(0, delay=motion.dt, station=0.0))
+        refuse_drift(motion, every, f"{job.path}: records")

@@ -19,7 +19,7 @@ from romdam.pipelines.sizes import refuse_bytes, refuse_steps, run_bytes
 from romdam.records.processing.force_rows import add_force_rows, force_warnings, step_of_signals
 from romdam.records.processing.incoherence import incoherent_motions
 from romdam.records.processing.resampling import cut_or_extended, resample_motion
-from romdam.records.processing.support_motions import add_support_rows, late_warnings
+from romdam.records.processing.support_motions import add_support_rows, late_warnings, lines_of
 from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.construction import constructed
@@ -250,11 +250,12 @@ def ground_at_steps(
         return acc
     moving, ground = system.pseudo_static, acc
     if moving is not None:
+        lines_at_steps = partial(lines_of, dt=dt, band_limited=system.needs_whole_record)
         at_stations = None
         if moving.incoherence is not None:
             at_stations = [
-                cut_or_extended(resample_motion(replace(motion, acc=own), dt), acc.shape[1])
+                lines_at_steps(replace(motion, acc=own))
                 for own in incoherent_motions(motion, moving.incoherence)
             ]
-        ground = add_support_rows(acc, dt, moving.motions, at_stations)
+        ground = add_support_rows(acc, dt, moving.motions, lines_at_steps(motion), at_stations)
     return add_force_rows(ground, dt, system.signals)

@@ -16,13 +16,12 @@ from romdam.records.components import AXES, peak, spectrum
 from romdam.records.plausible import said_of_axes, said_of_channels, too_strong
 from romdam.records.processing.align import align, rotation, said_of_starts
 from romdam.records.processing.correction import (
-    changed_measures,
-    check_processed,
     correct,
     doubt_pads,
     moving_samples,
     refuse_lost_motion,
 )
+from romdam.records.processing.final_motion import said_of_changes, said_of_end
 from romdam.records.processing.offset import doubt_drift, find_offset
 from romdam.records.sources import Recorded
 
@@ -120,10 +119,9 @@ def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
         raise RecordError(f"{location}: correction and scale make values that are not finite; change them")
     if costs := doubt_pads(acc.shape[1], *pads, signal.dt):
         warnings.append(costs)
+    warnings += said_of_end(acc, signal.dt, AXES)
     if config.correction:
-        warnings += changed_measures(matrix @ recorded, acc, signal.dt, AXES)
-    else:
-        warnings += check_processed(recorded, signal.dt)
+        warnings += said_of_changes(matrix @ recorded, acc, signal.dt, AXES, "the correction")
     peaks = np.max(np.abs(scale * acc), axis=-1)
     nobody_says_of = config.scale is not None and "of" not in config.scale.model_fields_set
     if scaled_to and nobody_says_of and peaks[2] > np.max(peaks[:2]) > 0.0:

@@ -20,20 +20,30 @@ NEIGHBOURS = 12  # samples
 TOP = 0.85  # of the largest and the least value
 FLAT = 1e-3  # of the peak, standard deviation of the neighbours
 MOST_FLAT = (5, 0.1)  # flat neighbourhoods: their number, and their share of what lies near the extremes
+CONTENT, NEEDED = 0.99, 0.005  # of the power; cycles a sample, that its highest frequency may have
 JUMP = 0.8  # of the range, between two samples; the components of FEMA P-695 have up to 0.69
 JERK = 100.0  # times the median of the second differences
+STRAIGHT, MOST_PARTS = 1e-4, 100  # of the peak, that digits leave; samples on one line
 MOST_JERKS = 35  # the 100 components have up to 25, those of gmprocess' test set that saw jumps 45 and more
 
 
 def clipping(data: Array) -> str:
-    """Say why samples (nt,) look clipped; "" where they do not."""
-    for extreme in (np.max(data), np.min(data)):  # many samples at the largest or the least value exactly
-        if abs(extreme) < 0.5 * np.max(np.abs(data)) or extreme == 0.0:
+    """Say why samples (nt,) look clipped; "" where they do not.
+
+    Samples far closer than the motion needs, as of records at a higher rate than they were recorded at, are
+    thinned out first: the tops of a smooth motion are flat from sample to sample.
+    """
+    thinned = _thinned(data)
+    for extreme in (
+        np.max(thinned),
+        np.min(thinned),
+    ):  # many samples at the largest or the least value exactly
+        if abs(extreme) < 0.5 * np.max(np.abs(thinned)) or extreme == 0.0:
             continue
-        run, times = longest_run(data == extreme), np.count_nonzero(data == extreme)
+        run, times = longest_run(thinned == extreme), np.count_nonzero(thinned == extreme)
         if run >= SAME:
             return f"{run} samples in a row at {extreme:g} (limit {SAME - 1})"
-        if times >= 2 * SAME and np.unique(data).size > FINE:
+        if times >= 2 * SAME and np.unique(thinned).size > FINE:
             return f"{times} samples are at {extreme:g} and none beyond"
 
     around_median = data - np.median(data)
@@ -41,9 +51,10 @@ def clipping(data: Array) -> str:
     motion = around_median[strong[0] : strong[-1] + 1]
 
     # neighbourhoods that hardly move near the extremes, as those of a sensor at its stop (`std_dev`)
-    centred = motion - np.mean(motion)
+    every = max(1, round(data.size / thinned.size))
+    centred = motion[::every] - np.mean(motion)
     peak = np.max(np.abs(centred))
-    if motion.size > NEIGHBOURS and peak > 0.0:
+    if centred.size > NEIGHBOURS and peak > 0.0:
         around = np.lib.stride_tricks.sliding_window_view(centred / peak, NEIGHBOURS)
         near = (around[:, 0] >= TOP * np.max(around)) | (around[:, 0] <= TOP * np.min(around))
         tops = around[near]
@@ -62,9 +73,29 @@ def clipping(data: Array) -> str:
         return f"it jumps by {100 * step:.0f} % of its range between two samples (limit {100 * JUMP:g} %)"
     bend = np.abs(np.gradient(np.gradient(motion)))
     jerks = int(np.count_nonzero(bend >= JERK * np.median(bend))) if np.median(bend) > 0.0 else 0
-    if jerks > MOST_JERKS:
+    if jerks > MOST_JERKS and not _is_interpolated(data):
         return f"it bends {JERK:g} times more than usual at {jerks} samples (limit {MOST_JERKS})"
     return ""
+
+
+def _thinned(data: Array) -> Array:
+    """Every n-th sample (nt / n,), where n = 1 unless nearly all power lies far below Nyquist's frequency."""
+    power = np.abs(np.fft.rfft(data - np.mean(data))) ** 2
+    below = np.cumsum(power)
+    if data.size < FINE or not below[-1] > 0.0:
+        return data
+    share = (int(np.searchsorted(below, CONTENT * below[-1])) + 1) / data.size  # cycles a sample
+    return np.asarray(data[:: max(1, int(NEEDED / share))])
+
+
+def _is_interpolated(data: Array) -> bool:
+    """Whether straight lines between every n-th sample make all others; they bend at these alone."""
+    index, slack = np.arange(data.size), STRAIGHT * np.max(np.abs(data))
+    for parts in range(2, min(MOST_PARTS, data.size // 2) + 1):
+        whole = index[: (data.size - 1) // parts * parts + 1]
+        if np.max(np.abs(np.interp(whole, whole[::parts], data[whole[::parts]]) - data[whole])) <= slack:
+            return True
+    return False
 
 
 def longest_run(flags: NDArray[np.bool_]) -> int:

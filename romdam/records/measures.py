@@ -18,9 +18,17 @@ GRAVITY = 9.80665  # m/s2, the Arias intensity's g
 
 
 def peak_ground(acc: Array, dt: float) -> dict[str, Array]:
-    """PGA [m/s2], PGV [m/s], PGD [m] of acceleration (..., nt), from rest, no baseline assumed."""
-    histories = {"pga": acc, "pgv": velocity(acc, dt), "pgd": displacement(acc, dt)}
-    return {name: np.max(np.abs(values), axis=-1) for name, values in histories.items()}
+    """PGA [m/s2], PGV [m/s], PGD [m] of acceleration (..., nt), from rest, no baseline assumed.
+
+    Acceleration is straight between samples, so that velocity has its extremes where acceleration is zero.
+    """
+    vel, first, second = velocity(acc, dt), acc[..., :-1], acc[..., 1:]
+    crosses = first * second < 0.0
+    share = np.where(crosses, first / np.where(crosses, first - second, 1.0), 0.0)  # of the step
+    between = vel[..., :-1] + 0.5 * dt * share * first
+    largest = np.maximum(np.max(np.abs(vel), axis=-1), np.max(np.abs(between), axis=-1, initial=0.0))
+    pga, pgd = (np.max(np.abs(values), axis=-1) for values in (acc, displacement(acc, dt)))
+    return {"pga": pga, "pgv": largest, "pgd": pgd}
 
 
 def arias_history(acc: Array, dt: float) -> Array:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import glob
 import itertools
+import os
 import struct
 import subprocess
 import sys
+import tempfile
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +25,7 @@ from romdam.records.channel import Channel, Orientation, UnknownFormatError, par
 from romdam.records.clipping import clipping
 from romdam.records.formats.text import MAX_BYTES, read_bytes
 from romdam.records.processing.align import STAMPS
+from romdam.records.processing.response import OUTSIDE, remove_response
 
 if TYPE_CHECKING:
     from obspy import Stream, Trace
@@ -68,7 +73,7 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
                     f"{path}, channel {trace.id}: a response cannot be removed across missing samples; take "
                     "a file without gaps"
                 )
-        _remove_response(stream, path, response)
+        said += _remove_response(stream, path, response)
     for trace in stream:
         if "sac" in trace.stats:
             _check_sac(trace, path, response is not None)
@@ -79,6 +84,11 @@ def read_with_obspy(path: Path, response: Path | None = None) -> list[Channel]:
         if abs(late.stats.starttime - early.stats.endtime - early.stats.delta) < 0.5 * early.stats.delta:
             said.append(f"channel {late.id} begins where {early.id} ends: is that one channel?")
     channels = [channel_of(trace, response is not None) for trace in stream]
+    if not any(len(channel.code) > 1 and channel.code.isdigit() for channel in channels):
+        # recorders count channels from 0, and no other code is an azimuth
+        channels = [
+            replace(channel, orientation=None) if channel.code == "0" else channel for channel in channels
+        ]
     return [replace(channel, warnings=(*channel.warnings, *said)) for channel in channels]
 
 
@@ -189,28 +199,75 @@ def _obspy_errors() -> tuple[type[Exception], ...]:
     )
 
 
-def _remove_response(stream: Stream, path: Path, response: Path) -> None:
-    """Turn counts into m/s2 by an inventory, which also states where each channel points."""
+def _remove_response(stream: Stream, path: Path, response: Path) -> list[str]:
+    """Turn counts into m/s2 by an inventory, which also states where each channel points; say what was done.
+
+    Raises
+    ------
+    RecordError
+        for an inventory that cannot be read, lacks the channel at its time, or leaves no band.
+    """
     import obspy
     from obspy.core.util.obspy_types import ObsPyException
 
     check_file(response, MAX_BYTES, RecordError)
+    said: list[str] = []
     try:
         inventory = obspy.read_inventory(str(response))
         for trace in stream:
-            # 0.01 Hz and 90 % of Nyquist: outside, dividing by the response only amplifies noise
-            nyquist = 0.5 * trace.stats.sampling_rate
-            band = (0.005, 0.01, 0.9 * nyquist, nyquist)
             data = np.asarray(trace.data, dtype=np.float64)
             why = clipping(data) if np.all(np.isfinite(data)) else ""
-            trace.remove_response(inventory, output="ACC", pre_filt=band, zero_mean=True, taper=True)
+            gain = inventory.get_response(trace.id, trace.stats.starttime)
+            with _quiet_evalresp(said):
+                acc, band, outside = remove_response(data, float(trace.stats.delta), _Evalresp(gain))
+            trace.data = acc
+            about = f"channel {trace.stats.channel}: the response was divided out from {band}"
+            if outside > OUTSIDE:
+                about += f", and {100.0 * outside:.2g} % of the recorded energy, which is beyond, is left out"
+            said.append(about)
             where = inventory.get_orientation(trace.id, trace.stats.starttime)
-            trace.stats.romdam = {"azimuth": where["azimuth"], "dip": where["dip"], "clipped": why}
-    except (*PARSING, ObsPyException) as error:
+            trace.stats.romdam = {
+                "azimuth": where["azimuth"],
+                "dip": where["dip"],
+                "clipped": why,
+                "band": [band.low, band.high],
+            }
+    except (*PARSING, ObsPyException, RecordError) as error:
         raise RecordError(
             f"{path}: response of {response.name} cannot be removed ({error}); "
             "give the StationXML of this station and time"
         ) from None
+    return list(dict.fromkeys(said))
+
+
+class _Evalresp:
+    """Complex gain of ObsPy's response at frequencies."""
+
+    def __init__(self, response: Any) -> None:
+        self._response = response
+
+    def __call__(self, freq: np.ndarray, *, native: bool) -> np.ndarray:
+        output = "DEF" if native else "ACC"
+        return np.asarray(self._response.get_evalresp_response_for_frequencies(freq, output=output))
+
+
+@contextmanager
+def _quiet_evalresp(said: list[str]) -> Iterator[None]:
+    """Take what evalresp prints on stderr, from C, and what ObsPy warns of, into a record's messages."""
+    with tempfile.TemporaryFile() as file, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sys.stderr.flush()
+        before = os.dup(2)
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+            file.seek(0)
+            printed = file.read().decode(errors="replace").splitlines()
+            told = [*printed, *(str(warning.message) for warning in caught)]
+            said += [f"evalresp: {' '.join(text.split())[:200]}" for text in told if text.strip()]
 
 
 def _check_sac(trace: Trace, path: Path, in_si: bool) -> None:
@@ -246,6 +303,8 @@ def channel_of(trace: Trace, in_si: bool = False) -> Channel:
         "network": stats.network,
         "station": stats.station,
     }
+    if "band" in extra:
+        meta["response_band_hz"] = extra["band"]
     unit, scale = ("m/s2", 1.0) if in_si else (str(extra.get("unit", "")), 1.0)
     if "knet" in stats:
         unit, scale = "m/s2", float(stats.calib)  # ObsPy keeps counts; calib turns them into m/s2

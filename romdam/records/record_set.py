@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.names import misnamed_file, same_file
-from romdam.config.sections.motions.records import MEASURES, RecordConfig
+from romdam.config.sections.motions.records import MEASURES, RecordConfig, unit_in_si
 from romdam.core.errors import ConfigError, RecordError, listed, quote
 from romdam.core.files import replacing
 from romdam.core.motion import GroundMotion
 from romdam.core.printable import plain_cell
 from romdam.records.assemble import build_motion
+from romdam.records.channel import Channel
 from romdam.records.components import measures
 from romdam.records.design.selection import Candidate, select_motions
 from romdam.records.plausible import DOUBTED_UNIT
@@ -241,6 +242,7 @@ def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
     if axes and len(components) > 1:
         raise RecordError(f"{location}: `{EACH}` takes one axis, not {', '.join(components)}", "components")
     if axes:
+        channels = _accelerations(channels)
         for channel in channels:
             suffix = re.sub(r"[^\w.+-]", "_", channel.code)  # the name becomes a file's
             name = f"{recorded.name}_{suffix}" if len(channels) > 1 else recorded.name
@@ -261,6 +263,21 @@ def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
             f"(for example {{y: {channels[0].code}}}) or `x_azimuth`; its channels are {codes}",
             "components",
         )
+
+
+def _accelerations(channels: Sequence[Channel]) -> list[Channel]:
+    """The channels that are accelerations, with a word of velocities beside them; all where none is."""
+    kept, left_out = list[Channel](), list[str]()
+    for channel in channels:
+        try:
+            if channel.unit:
+                unit_in_si(channel.unit)
+            kept.append(channel)
+        except ValueError:
+            left_out.append(f"channel {channel.code} is in {channel.unit}, no acceleration, and is left out")
+    if not kept or not left_out:
+        return list(channels)
+    return [replace(channel, warnings=(*channel.warnings, *left_out)) for channel in kept]
 
 
 def check_names(motions: Sequence[GroundMotion]) -> None:

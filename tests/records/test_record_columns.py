@@ -85,11 +85,13 @@ def test_a_unit_in_prose_is_not_that_of_the_data(tmp_path, comment):
 
 
 def test_a_stated_peak_is_held_against_the_data(tmp_path):
-    (motion,) = load(tmp_path, "# PGA: 0.35 g\n" + table(ACC), dt=samples.DT, unit="g")
     peak = np.abs(ACC).max()
+    (motion,) = load(tmp_path, "# PGA: 0.05 g\n" + table(ACC), dt=samples.DT, unit="m/s2")
     assert any(
-        f"states a peak of 0.35 g, the data's is {peak:.4g} g; is the unit" in w for w in motion.warnings
+        f"states a peak of 0.05 g, the data's is {peak / G:.4g} g; is the unit" in w for w in motion.warnings
     )
+    with pytest.raises(RecordError, match=r"a peak of 0.17 g is stated, .* as where one unit is taken for"):
+        load(tmp_path, f"# PGA: {peak / G:.2f} g\n" + table(ACC), dt=samples.DT, unit="g")
 
 
 def test_what_is_declared_wins_over_prose_and_keyed_statements_over_neither(tmp_path):
@@ -201,8 +203,12 @@ def test_what_is_refused_names_the_key_that_helps(tmp_path):
     counted = f"a title\n{ACC.size}\n" + table(ACC)
     with pytest.raises(RecordError, match=r"line 2: 603 looks like the number of .* `header_lines: 2`"):
         load(tmp_path, counted, dt=samples.DT, unit="m/s2")
+    silent = HEADER.replace("Acceleration units: g", "a line")
     with pytest.raises(RecordError, match=r"rows of numbers begin in line 5: declare `header_lines: 4`"):
-        load(tmp_path, HEADER + table(ACC / G), dt=samples.DT)
+        load(tmp_path, silent + table(ACC / G), dt=samples.DT)
+    (motion,) = load(tmp_path, HEADER + table(ACC / G))  # it states all
+    np.testing.assert_allclose(motion.acc[1], ACC, atol=1e-7)
+    assert any("dt = 0.005 s is taken from line 2" in said for said in motion.warnings)
     with pytest.raises(RecordError, match=r"column 1 rises evenly by 0\.005: give `time_column: 1`"):
         load(tmp_path, table(TIME, ACC), unit="g")
     with pytest.raises(RecordError, match=r"line 3: 1 number, the rows above have 2"):

@@ -9,7 +9,8 @@ from romdam.config.sections.motions.records import RecordConfig
 from romdam.core.errors import RecordError
 from romdam.records.processing import correction_steps as steps
 from romdam.records.processing.corners import drift_ratio, search_highpass
-from romdam.records.processing.correction import check_processed, correct
+from romdam.records.processing.correction import correct
+from romdam.records.processing.final_motion import said_of_end
 from romdam.records.processing.integrate import displacement, velocity
 
 DRIFT_CHAIN = [
@@ -177,8 +178,8 @@ def test_named_chains_on_a_raw_record(name):
 
 def test_a_processed_record_is_checked_for_drift():
     acc = samples.motion()[None]
-    assert check_processed(acc - acc, samples.DT) == ()
-    assert "the velocity ends at" in check_processed(acc + 0.05, samples.DT)[0]
+    assert said_of_end(acc - acc, samples.DT, "xyz") == ()
+    assert "the velocity ends at" in said_of_end(acc + 0.05, samples.DT, "xyz")[0]
 
 
 @pytest.mark.parametrize(

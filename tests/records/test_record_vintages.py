@@ -187,7 +187,6 @@ def test_segments_are_joined_and_their_gap_is_filled_as_declared(tmp_path):
         ),
         ("*****\nUNAM\nARCHIVO ESTANDAR DE ACELERACION:", "UNAM", "`unit: cm/s2`"),
         ("* VOL1DS FILE:  5520/01", "BHRC", "`layout: series`"),
-        ("STRONG GROUND MOTION RECORDS OF TURKIYE", "AFAD", "`header_lines: 18`"),
         (
             "FILE     0 OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I:",
             "USC or CIT",

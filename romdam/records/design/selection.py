@@ -20,9 +20,10 @@ from romdam.config.sections.motions.records import RecordConfig, ScaleConfig
 from romdam.config.sections.motions.target import NAMED
 from romdam.core.errors import RecordError
 from romdam.core.motion import GroundMotion
-from romdam.records.components import spectrum
+from romdam.records.components import AXES, spectrum
 from romdam.records.design.matching import match_motion
 from romdam.records.design.target import Target, read_target
+from romdam.records.processing.final_motion import said_of_changes, said_of_end
 
 Array = NDArray[np.float64]
 USUAL_FACTORS = (0.25, 4.0)  # ASCE/SEI 7-16, C16.2.2
@@ -183,5 +184,12 @@ def _scaled_or_matched(fit: Fit, target: Target, common_factor: float, entry: Re
         warnings.append(
             f"target.periods go to {target.periods[-1]:g} s, the record is usable up to {1.0 / usable:.3g} s"
         )
+    if entry.match is not None:
+        ends = said_of_end(acc, motion.dt, AXES)
+        changes = said_of_changes(factor * motion.acc, acc, motion.dt, AXES, "matching")
+        kept = [
+            text for text in warnings if not text.startswith(("the velocity ends", "the displacement ends"))
+        ]
+        warnings = [*kept, *ends, *changes]
     scaled = replace(motion, acc=acc, provenance=provenance | {"target": about}, warnings=tuple(warnings))
     return Candidate(motion.name, scaled, factor, misfit(psa, target.sa))

@@ -17,13 +17,15 @@ import numpy as np
 
 from romdam.core.errors import RecordError
 from romdam.records.channel import Channel, NoAccelerationError, Orientation, parse_orientation
+from romdam.records.formats.header import Series, check_header
+from romdam.records.formats.statements import unit_stated
 from romdam.records.formats.text import TextFile, acceleration_unit, read_text
 
 HEADER_LINES = 4
 MOST_HEADER = 10  # lines, with prose above the last
 _KEYED = re.compile(r"^\s*NPTS\s*=\s*([^,\s]+)\s*,?\s*DT\s*=\s*(.*)$", re.IGNORECASE)
 _BARE = re.compile(r"^\s*(\S+)[\s,]+(\S+)\s+NPTS\s*,\s*DT[\s.,;]*$", re.IGNORECASE)
-_TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[\s.,;]*")
+_TIME = re.compile(r"(\S*?[\d.])\s*([A-Za-z]*)[.]?\s*(?:[,;].*|-?\d+\s+POLES?\b.*)?", re.IGNORECASE)
 _SECONDS = {"": 1.0, "S": 1.0, "SEC": 1.0, "SECS": 1.0, "SECONDS": 1.0, "MSEC": 1e-3, "MS": 1e-3}
 _UNITS = re.compile(r"UNITS\s+OF\s+(.*?)(?:[.,;]\s+(FILTER\s+POINTS\b.*))?$", re.IGNORECASE)
 _UNITS_ARE = re.compile(r"\bunits?\s+(?:are|is|[:=])\s*\(?\s*([^\s()]+)", re.IGNORECASE)
@@ -81,13 +83,17 @@ def read_at2(path: Path) -> list[Channel]:
             "it is cut short or joined with another, fetch it again"
         )
     unit = ""
-    for index in range(last):  # "IN UNITS OF G", "The units are (g)"
+    for index in range(last):  # "IN UNITS OF G", "The units are (g)", "ACCELERATION IN G"
         if match := _UNITS.search(text.head(index)) or _UNITS_ARE.search(text.head(index)):
             unit = acceleration_unit(match[1].rstrip(" .,;"))
             if not unit:
                 word = match[1].strip()[:40]
                 raise text.fail(index, f"the unit {word!r} is no acceleration that is known, such as G")
             break
+        if unit := unit_stated(text.head(index))[0]:
+            break
+    lines = [(index, text.head(index)) for index in range(last)]
+    warnings += check_header(text, lines, [Series(values, unit)], dt, unit)
     if not peers:
         meta: dict[str, object] = {"format": "AT2", "event": text.head(0).strip(), "station": ""}
         return [Channel(path.stem, values, dt, unit, None, "", meta, warnings)]

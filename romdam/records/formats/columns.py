@@ -14,23 +14,36 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.records.channel import Channel
-from romdam.records.formats.text import PEAK_SHARE, TextFile, acceleration_unit, read_text, split_words
-from romdam.records.plausible import DOUBTED_UNIT
+from romdam.records.channel import Channel, NoAccelerationError, Orientation, parse_orientation
+from romdam.records.formats.header import LARGEST, Series, check_header, unit_of_peak
+from romdam.records.formats.statements import (
+    COUNT,
+    INTERVAL,
+    RATE,
+    SECONDS,
+    plain_words,
+    statements,
+    unit_stated,
+)
+from romdam.records.formats.text import TextFile, acceleration_unit, read_text, split_words
 
 Array = NDArray[np.float64]
 COMMENTS = ("#", "%", "!", "//")
 DELIMITERS = {"comma": ",", "semicolon": ";", "tab": "\t"}
 MANY = 16  # rows; fewer may rise evenly by chance
 COARSE = 10.0  # steps; times that are printed more coarsely say nothing of their interval
+PLAUSIBLE = (5e-4, 0.1)  # s, of the step of a column that is named time without a unit
+RESULTANT = 1e-3  # of the size of a vector, to which a column equals it
 RUNS_ON = 1.25  # change along rows over change down columns, below which a table may be a wrapped series
 NAMING = 3  # lines next to the rows that may name the columns: names, their units, a rule
 MOST_HEADER = 200  # lines of text above columns that are looked through for the first row of numbers
 _ROW = re.compile(r"^[\s,;\"]*[-+]?(\d|\.\d|nan\b)[-+.\deEdDnaN,;\s\"]*$")
 _REAL = r"((?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
-_DT = re.compile(rf"\b(?:dt|delta[ _]?t|time[ _]?step|sampling[ _]interval)\s*[=:]\s*{_REAL}\s*(ms)?", re.I)
-_RATE = re.compile(rf"\b(?:fs|sampl(?:ing|e)[ _](?:rate|freq\w*))[^=:\d]*[=:]\s*{_REAL}", re.I)
-_COUNT = re.compile(r"\b(?:npts|ndata|(?:number of )?(?:points|samples))\s*[=:]\s*(\d{1,9})\b", re.I)
+_CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?"
+_DAY = r"\d{4}([-/.])\d{1,2}\1\d{1,2}|\d{1,2}([-/.])\d{1,2}\2\d{4}"
+_DATE = re.compile(rf"\b(?:{_DAY})(?:[T ]+{_CLOCK})?(?:Z|[+-]\d\d:?\d\d)?|\b{_CLOCK}(?:Z|\b)")
+_SPECTRA = {"psa", "sa", "sv", "sd", "psv", "spectral", "spectrum", "spectra", "fourier", "fas", "rotd"}
+_ABSCISSAE = {"period", "periods", "frequency", "frequencies", "freq"}  # of spectra
 _NUMERIC = re.compile(r"[-+.\d]|.*(?:\d\.\d|\.\d\d)|[^A-Za-z]*$")  # words that no name begins as
 _WORDS = r"(?:(?:ground|base|horizontal|vertical|recorded|raw|corrected|uncorrected|absolute|input|time)\s+)*"
 _VALUES = r"(?:accelerations?|accel|accs?|accelerograms?|data|values|samples|amplitudes?)"
@@ -48,13 +61,7 @@ _IN = re.compile(
     rf"({_UNIT_WORD})\s*[\])]?\s*[.]?",
     re.I,
 )
-_PEAK = r"\b(?:PGA|(?:peak|max(?:imum)?\.?)(?:\s+(?:ground\s+)?(?:acc\w*|value|amplitude))?)"
-_PEAK_FIRST = re.compile(rf"{_PEAK}\b\s*(?:is|of|at|[=:])?\s*[-+]?{_REAL}\s*({_UNIT_WORD})", re.I)
-_UNIT_FIRST = re.compile(
-    rf"{_PEAK}\b\s*,?\s*(?:\bin\b|[\[(])\s*({_UNIT_WORD})\s*[\])]?\s*(?:is|of|[=:])?\s*[-+]?{_REAL}", re.I
-)
 _BRACKETS = re.compile(r"[(\[]\s*([^)\]]*?)\s*[)\]]")
-_SUFFIX = re.compile(r"_([a-zA-Z]+[/\d^s]*)$")
 _LENGTH_UNIT = re.compile(r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?", re.I)
 _OTHER_UNIT = re.compile(
     r"(?:[mc]?m|in|ft)(?:/s(?:ec)?)?|s|ms|sec|seconds?|hz|deg|rad|m?v|volts?|[^\s:=]*[A-Za-z][^\s:=]*[/^*][^\s:=]*",
@@ -62,16 +69,6 @@ _OTHER_UNIT = re.compile(
 )
 _OTHER_NAME = re.compile(r"(?:vel|veloc|velocity|disp|displ|displacement)\b", re.I)
 _SPACED_NAME = re.compile(r"\"[^\"]*\"|'[^']*'|[^\s,;()\[\]]+(?:\s*[(\[][^)\]]*[)\]])?")
-_SECONDS = {
-    "": 1.0,
-    "s": 1.0,
-    "sec": 1.0,
-    "secs": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-}
 
 
 @dataclass(frozen=True)
@@ -114,17 +111,30 @@ class _Table:
             raise text.fail(0, f"time_column is {number}, the file has {self.values.shape[1]} columns")
         name = self.names.get(number - 1, "")
         match = _BRACKETS.search(name)
-        unit = match[1].lower().rstrip(".") if match else ""
-        if match and unit not in _SECONDS:
+        unit = match[1].lower().rstrip(".").replace("µ", "u").replace("μ", "u") if match else ""
+        if match and unit not in SECONDS:
             if acceleration_unit(unit) or _OTHER_UNIT.fullmatch(unit):
                 raise text.fail(0, f"time_column is {number}, which is named {name!r}: no times in s or ms")
             unit = ""
-        return _SECONDS[unit] * self.values[:, number - 1]
+        elif not match:  # time_us
+            last = re.split(r"[\s_.]+", name.lower().replace("µ", "u").replace("μ", "u"))[-1]
+            unit = last if name.lower() != last and last in SECONDS else ""
+        if np.all(np.isnan(self.values[:, number - 1])):
+            raise text.fail(
+                self.first,
+                f"time_column is {number}, which holds dates or clock times, no seconds; give `dt`",
+            )
+        return (SECONDS[unit] if unit else 1.0) * self.values[:, number - 1]
+
+
+def undated(line: str) -> str:
+    """A row whose dates and clock times, which are no numbers, are NaN."""
+    return _DATE.sub("nan", line) if ":" in line or "-" in line or "/" in line else line
 
 
 def is_columns(head: str) -> bool:
     """Tell whether a file starts with rows of numbers, after comments and at most one line of names."""
-    lines = [line for line in head.splitlines() if line.strip()]
+    lines = [undated(line) for line in head.splitlines() if line.strip()]
     rows = [line for line in lines if not line.lstrip().startswith(COMMENTS)]
     whole = rows[:-1] or rows  # the last may be cut short
     return "\x00" not in head and any(_ROW.match(row) for row in whole[:2])
@@ -132,7 +142,7 @@ def is_columns(head: str) -> bool:
 
 def first_row(head: str) -> int | None:
     """Index of the line from which on a text holds rows of numbers alone; None where there are none."""
-    lines = head.splitlines()[:-1]
+    lines = [undated(line) for line in head.splitlines()[:-1]]
     if "\x00" in head or not lines:
         return None
     for index in range(min(len(lines), MOST_HEADER)):
@@ -167,10 +177,14 @@ def read_columns(
     """
     text, layout = read_text(path), layout or Layout()
     table = _read_table(text, layout)
+    _refuse_spectrum(text, table)
     count, width = table.values.shape
     if time_column is not None:
         times = table.times(time_column, text)
         dt = _even_dt(times, text, table.first)
+    taken: tuple[str, ...] = ()
+    if dt is None:
+        dt, taken = _stated_interval(text, table, layout)
     if dt is None:
         remedy = "give `dt` or `time_column`"
         for i in range(width if count >= MANY else 0):
@@ -179,6 +193,7 @@ def read_columns(
                 break
         raise text.fail(0, f"plain text does not say its interval; {remedy}", "dt")
     left, warnings = _not_channels(text, table, dt, time_column)
+    warnings = (*taken, *warnings)
     if layout.layout is None and time_column is None and not left:
         _refuse_wrapped(text, table)
     warnings = (*table.warnings, *warnings)
@@ -189,16 +204,23 @@ def read_columns(
     stated, said = _check_comments(text, table, dt, unit)
     columns = [i for i in range(width) if i not in left]
     units = {i: _unit_of_name(table.names.get(i, "")) or stated for i in columns}
-    said = (*said, *_check_peaks(table, columns, units, unit))
+    if unit is None and not any(units.values()):  # AFAD says it of its peaks alone
+        shown, says = unit_of_peak(table.comments, [table.values[:, i] for i in columns])
+        units, said = (dict.fromkeys(columns, shown), (*said, says)) if shown else (units, said)
+    fallback = unit or stated or next((units[i] for i in columns if acceleration_unit(units[i])), "")
+    series = [Series(table.values[:, i], unit or units[i]) for i in columns]
+    said = (*said, *check_header(text, table.comments, series, dt, fallback, layout.decimal == "comma"))
     for i in columns:
         if stated and acceleration_unit(units[i]) and not _same_unit(stated, units[i]):
             said = (*said, f"comments state {stated}, column {i + 1} is named in {units[i]}, which counts")
+    where = _directions(table, columns)
     return [
         Channel(
             code=str(i + 1),
             data=table.values[:, i].copy(),
             dt=dt,
             unit=units[i],
+            orientation=where.get(i),
             meta={"format": "columns", "column": table.names.get(i, "")},
             warnings=(*warnings, *said),
         )
@@ -216,12 +238,15 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
     comments = [(index, text.head(index)) for index in range(skipped) if text.lines[index].strip()]
     header: int | None = None
     lines: list[tuple[int, str]] = []
-    for index in range(skipped, len(text.lines)):
-        line = text.lines[index]
+    for index in range(skipped, text.end):
+        line = undated(text.lines[index])
         if line.lstrip().startswith(COMMENTS):
             comments.append((index, text.head(index)))
         elif line.strip() and not lines and header is None and not _ROW.match(line):
-            header = index
+            if statements(line):  # "Time Step: 0.005" names no column
+                comments.append((index, text.head(index)))
+            else:
+                header = index
         elif line.strip():
             lines.append((index, line))
     if not lines:
@@ -269,7 +294,12 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
     warnings: tuple[str, ...] = ()
     width, held = len(rows[0][1]), sum(len(row) for _, row in rows)
     series = layout.layout == "series"
-    counts = {int(match[1]) for _, line in comments if (match := _COUNT.search(line))}
+    counts = {
+        int(stated.value)
+        for _, line in comments
+        for stated in statements(line, decimal_comma=layout.decimal == "comma")
+        if stated.kind == COUNT
+    }
     if layout.layout is None and len(rows) < held and held in counts:
         series = True
         warnings = (f"{held} values are stated: read as one series of {width} in a row",)
@@ -294,6 +324,8 @@ def _read_table(text: TextFile, layout: Layout) -> _Table:
         return _Table(values, {}, tuple(comments), first, last, False, warnings)
     above = [(index, line) for index, line in comments if index < first]
     names, warnings = _column_names(text, header, above, skipped, delimiter, width)
+    if header is not None and not names and not _BRACKETS.search(text.head(header)):  # a title, no names
+        comments.append((header, text.head(header)))
     values = np.array([row for _, row in rows])
     return _Table(values, names, tuple(comments), first, last, delimiter != " ", warnings)
 
@@ -316,11 +348,13 @@ def _column_names(
     """
     if header is not None:
         line = text.head(header)
-        if any(_NUMERIC.match(word) for word in _split(line, delimiter)):
+        if any(_NUMERIC.match(word) for k, word in enumerate(_split(line, delimiter)) if word or k):
             raise text.fail(
                 header, f"not a row of numbers, nor one of names: {line.strip()[:60]!r}; mend or remove it"
             )
         names = _parse_names(line, delimiter, width)
+        if width == 1 and not names:  # "acc in g"
+            names = {0: line.strip()}
         if names or not _BRACKETS.search(line):
             return names, ()
         counted = f"{width} column{'s' * (width > 1)}"
@@ -365,10 +399,11 @@ def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
             if any(apart) and not all(_BRACKETS.search(name) for name in names):
                 return {}
         names = [name.strip("\"'") for name in names]
-    if len(names) != width or any(_NUMERIC.match(name) for name in names):
+    if len(names) != width or any(_NUMERIC.match(name) for k, name in enumerate(names) if name or k):
         return {}
     if width > 1 and all(
-        acceleration_unit(name) or name.lower() in _SECONDS or _LENGTH_UNIT.fullmatch(name) for name in names
+        acceleration_unit(name) or name.lower() in ("", *SECONDS) or _LENGTH_UNIT.fullmatch(name)
+        for name in names
     ):  # a line of units below the names
         names = [f"({name})" for name in names]
     return dict(enumerate(names))
@@ -377,7 +412,11 @@ def _parse_names(line: str, delimiter: str, width: int) -> dict[int, str]:
 def _unit_of_name(name: str) -> str:
     """The unit in a column's name: "acc (cm/s2)", "a[g]", "acc_g"; "" where there is none."""
     words = [word for word in _BRACKETS.findall(name) if word]
-    words += [match[1]] if (match := _SUFFIX.search(name)) and acceleration_unit(match[1]) else []
+    pieces = re.split(r"[\s_.,:;()\[\]-]+|\bin\b", re.sub(r"[(\[].*", "", name).strip())
+    pieces = [piece for piece in pieces if piece]
+    titled = " " in name.strip() and not re.search(r"\b(?:a|acc|acel)", name, re.I)  # "Record of Dam G"
+    if len(pieces) > 1 and not titled:  # acc_g, acc in g, acc_ms2, acc_m_s2
+        words += [tail for tail in (pieces[-1], "/".join(pieces[-2:])) if acceleration_unit(tail)][:1]
     units = list(dict.fromkeys(filter(None, map(acceleration_unit, words))))
     if len(units) == 1:
         return units[0]
@@ -401,6 +440,58 @@ def _rises(column: Array) -> float:
     return step if printed <= COARSE * step and np.max(away) <= 1.01 * printed else 0.0
 
 
+def _stated_interval(text: TextFile, table: _Table, layout: Layout) -> tuple[float | None, tuple[str, ...]]:
+    """The interval that the header states, or a column that is named as times in s; what is said of it."""
+    for index, line in table.comments:
+        for stated in statements(line, decimal_comma=layout.decimal == "comma"):
+            if stated.kind in (INTERVAL, RATE) and stated.value > 0.0:
+                dt = stated.value if stated.kind == INTERVAL else 1.0 / stated.value
+                return dt, (f"dt = {dt:g} s is taken from line {index + 1}: {stated.text}",)
+    for i, name in table.names.items():
+        unit, named = _BRACKETS.search(name), plain_words(name)
+        step = _rises(table.values[:, i]) if len(table.values) >= MANY else 0.0
+        timed = unit is not None and unit[1].lower().rstrip(".") in SECONDS
+        bare = unit is None and named in (["time"], ["t"]) and PLAUSIBLE[0] <= step <= PLAUSIBLE[1]
+        if step and (timed or bare):
+            dt = _even_dt(table.times(i + 1, text), text, table.first)
+            return dt, (f"dt = {dt:g} s is that of column {i + 1}, which is named {name!r}",)
+    return None, ()
+
+
+def _directions(table: _Table, columns: list[int]) -> dict[int, Orientation]:
+    """Directions of columns: of their names, or of a line above the rows that has as many as there are."""
+    found = {}
+    for i in columns:
+        if (name := table.names.get(i, "")) and (where := _direction_of(name)):
+            found[i] = where
+    if found:
+        return found
+    near = [line for index, line in table.comments if index < table.first][-NAMING:]
+    labelled = [line for _, line in table.comments if re.search(r"\b(?:comp|direction|chan)", line, re.I)]
+    for line in (*reversed(near), *labelled):
+        words = re.findall(r"(?<![\w-])[A-Za-z]+(?:-[A-Za-z])?(?=\(\+\)|[\s,;:()/]|$)", line)
+        places = [where for where in map(_direction_of_word, words) if where]
+        if len(places) == len(columns):
+            return dict(zip(columns, places, strict=True))
+    return {}
+
+
+def _direction_of(name: str) -> Orientation | None:
+    """The direction that a column's name states: "UD(gal)", "acc EW", "N-S"."""
+    plain = re.sub(r"[(\[].*", "", name).strip(" :=_")
+    words = [plain, *re.split(r"[\s_.]+", plain)] if plain else []
+    return next((where for where in map(_direction_of_word, words) if where), None)
+
+
+def _direction_of_word(word: str) -> Orientation | None:
+    """A direction in letters; D, S, V and W alone are displacement, spectrum, velocity and many more."""
+    if not word.replace("-", "").isalpha() or word.upper() in ("D", "S", "V", "W", "U-", "VER", "SA"):
+        return None
+    if word.lower() == word and len(word) < 2:  # a sentence's letters
+        return None
+    return parse_orientation(word)
+
+
 def _not_channels(
     text: TextFile, table: _Table, dt: float, time_column: int | None
 ) -> tuple[set[int], tuple[str, ...]]:
@@ -408,8 +499,12 @@ def _not_channels(
     count, width = table.values.shape
     left = set() if time_column is None else {time_column - 1}
     said: list[str] = []
+    if _DATE.search(text.lines[table.first]):
+        for i in np.flatnonzero(np.all(np.isnan(table.values), axis=0)).tolist():
+            left.add(i)
+            said.append(f"column {i + 1} holds dates or clock times: left out")
     if count < MANY:
-        return left, ()
+        return left, tuple(said)
     if width == 1 and table.values[0, 0] == dt:
         said.append("the first value equals `dt`; is it a header's?")
     for i in range(width):
@@ -431,9 +526,36 @@ def _not_channels(
         left.add(i)
         how = f"rises evenly by {step:g}" if step else "never falls"
         said.append(f"column {i + 1} {how}: taken for times or numbers, not for a motion")
+    rest = [i for i in range(width) if i not in left]
+    sound = len(rest) >= 3 and bool(np.all(np.abs(table.values[:, rest]) < LARGEST))
+    for i in rest if sound else ():
+        others = table.values[:, [k for k in rest if k != i]]
+        total = np.sqrt(np.sum(others**2, axis=1))
+        if np.all(table.values[:, i] >= 0.0) and np.allclose(
+            table.values[:, i], total, rtol=RESULTANT, atol=RESULTANT * float(np.nanmax(total))
+        ):
+            left.add(i)
+            said.append(f"column {i + 1} is the size of the other columns' vector: left out")
     if len(left) == width:
         raise text.fail(table.first, "every column rises as times do; none is a motion")
     return left, tuple(said)
+
+
+def _refuse_spectrum(text: TextFile, table: _Table) -> None:
+    """Refuse columns that are named as those of a spectrum.
+
+    Raises
+    ------
+    NoAccelerationError
+    """
+    names = {i: set(plain_words(re.sub(r"(?<=[a-zA-Z])\d+", "", name))) for i, name in table.names.items()}
+    first = names.get(0, set())
+    spectral = [i for i, words in names.items() if words & _SPECTRA]
+    if spectral or (first & _ABSCISSAE and len(names) > 1):
+        name = table.names[spectral[0] if spectral else 0]
+        raise NoAccelerationError(
+            f"{text.path}: line {table.first}: column {name!r} is of a spectrum, no motion; take the record"
+        )
 
 
 def _refuse_wrapped(text: TextFile, table: _Table) -> None:
@@ -465,31 +587,20 @@ def _refuse_wrapped(text: TextFile, table: _Table) -> None:
 def _check_comments(
     text: TextFile, table: _Table, dt: float, declared: str | None
 ) -> tuple[str, tuple[str, ...]]:
-    """Hold comments such as "dt = 0.01 s", "NPTS: 3000" against the data; return the unit that they state.
+    """Return the unit that comments state, and what is said of it.
 
     A keyed statement ("units: g") stands against the configuration; prose ("acceleration in g") gives way to
     it, with a warning.
     """
     units: dict[str, int] = {}
+    mentioned: dict[str, int] = {}
     keyed = ""
     for index, line in table.comments:
-        intervals = []
-        if match := _DT.search(line):
-            intervals.append(float(match[1]) * (1e-3 if match[2] else 1.0))
-        if (match := _RATE.search(line)) and float(match[1]) > 0.0:
-            intervals.append(1.0 / float(match[1]))
-        for interval in intervals:
-            if abs(interval - dt) > 1e-3 * dt:
-                raise text.fail(
-                    index, f"an interval of {interval:g} s is stated, `dt` or the times say {dt:g} s"
-                )
-        if (match := _COUNT.search(line)) and int(match[1]) != len(table.values):
-            held = len(table.values)
-            raise text.fail(index, f"{match[1]} samples are stated, the file holds {held}; it is cut short")
+        matched = False
         for clause in re.split(r"[,;]|\.\s", line.strip().lstrip("#%!/ \t")):
             if match := _UNIT.fullmatch(clause.strip()):
                 unit = acceleration_unit(match[1])
-                if not unit and match[1].lower() not in (*_SECONDS, "hz"):
+                if not unit and match[1].lower() not in ("", *SECONDS, "hz"):
                     odd = _OTHER_UNIT.fullmatch(match[1]) or re.search(r"\d", match[1])
                     unit = match[1] if odd else ""
                 keyed = unit or keyed
@@ -498,7 +609,15 @@ def _check_comments(
             else:
                 continue
             if unit:
+                matched = True
                 units.setdefault(unit, index)
+        if not matched:
+            unit, is_keyed = unit_stated(line)
+            if unit and is_keyed:
+                keyed = unit
+                units.setdefault(unit, index)
+            elif unit:
+                mentioned.setdefault(unit, index)
     if len(units) > 1:
         lines = ", ".join(f"{unit} in line {index + 1}" for unit, index in units.items())
         if declared is None:
@@ -507,7 +626,13 @@ def _check_comments(
     unit = next(iter(units), "")
     if unit and not keyed and declared is not None and not _same_unit(unit, declared):
         return "", (f"line {units[unit] + 1} says {unit}, `unit` {declared} counts",)
-    return unit, ()
+    counts = declared or unit
+    said = tuple(
+        f"line {index + 1} mentions {other}, the unit {counts} counts"
+        for other, index in mentioned.items()
+        if counts and not _same_unit(other, counts)
+    )
+    return unit, said
 
 
 def _same_unit(unit: str, declared: str) -> bool:
@@ -517,42 +642,6 @@ def _same_unit(unit: str, declared: str) -> bool:
         return abs(unit_in_si(unit) / unit_in_si(declared) - 1.0) < 0.005
     except ValueError:
         return False
-
-
-def _check_peaks(
-    table: _Table, columns: list[int], units: dict[int, str], declared: str | None
-) -> tuple[str, ...]:
-    """Say where a comment states a peak that no column has."""
-    from romdam.config.sections.motions.records import unit_in_si
-
-    peaks: list[float] = []
-    for i in columns:
-        unit = declared or units[i]
-        try:
-            peaks.append(float(np.nanmax(np.abs(table.values[:, i]))) * unit_in_si(unit) if unit else np.nan)
-        except ValueError:
-            continue
-    if not peaks or not np.all(np.isfinite(peaks)):
-        return ()
-    said = []
-    for index, line in table.comments:
-        stated = [(match[1], match[2]) for match in _PEAK_FIRST.finditer(line)]
-        stated += [(match[2], match[1]) for match in _UNIT_FIRST.finditer(line)]
-        for number, word in stated:
-            if not (unit := acceleration_unit(word)) or float(number) == 0.0:
-                continue
-            peak, digits = float(number), len(number.partition(".")[2])
-            slack = max(PEAK_SHARE, 0.0 if "e" in number.lower() else 0.5 * 10.0**-digits / peak)
-            ratios = np.array(peaks) / (peak * unit_in_si(unit))
-            if np.any(np.abs(ratios - 1.0) <= 1.01 * slack):
-                continue
-            nearest = ratios[np.argmin(np.abs(np.log(np.maximum(ratios, 1e-300))))]
-            doubt = f"; {DOUBTED_UNIT}" if not 0.5 < nearest < 2.0 else ""
-            said.append(
-                f"line {index + 1} states a peak of {number} {unit}, the data's is {nearest * peak:.4g} "
-                f"{unit}{doubt}"
-            )
-    return tuple(said)
 
 
 def _even_dt(time: Array, text: TextFile, first: int) -> float:

@@ -42,6 +42,7 @@ _UNIT = re.compile(r"[.,\s]*\(?(?:in|units?\s*[=:])\s+(.*?)\s*\)?[\s.]*(?:\(.*)?
 _PEAK = re.compile(r"^\s*Peak\s+acceleration\s*=\s*([-+]?\d*\.?\d+)\s*([A-Za-z/^*\d]+)", re.I)
 _FORTRAN = re.compile(r"\(\s*(\d*)[FEG](\d+)", re.I)
 _CHANNEL = re.compile(r"Chan\s*(\d+)\s*:?\s*(.*)$", re.I)
+_DIRECTION = re.compile(r"\b(?:Up|Down|\d{1,3}\s?Deg)\b")
 _BAND = re.compile(r"3 dB pts at\s+(\d*\.\d+)\s+and\s+(\d*\.\d+)", re.I)
 
 
@@ -124,7 +125,19 @@ def read_csmip(path: Path) -> list[Channel]:
             f"{path}: line {len(text.lines)}: {ends} ends of channels, but {len(channels)} channels with "
             "acceleration; the file is cut short or altered"
         )
-    return channels
+    return _once(channels)
+
+
+def _once(channels: list[Channel]) -> list[Channel]:
+    """The channels of a file that may hold each of them twice, with a word."""
+    kept: list[Channel] = []
+    for channel in channels:
+        if not any(other.code == channel.code and np.array_equal(other.data, channel.data) for other in kept):
+            kept.append(channel)
+    if len(kept) == len(channels):
+        return channels
+    said = f"{len(channels) - len(kept)} of {len(channels)} channels are in the file twice: left out"
+    return [replace(kept[0], warnings=(*kept[0].warnings, said)), *kept[1:]]
 
 
 def _read_block(text: TextFile, header: int, index: int, match: re.Match[str]) -> tuple[Channel | None, int]:
@@ -237,4 +250,8 @@ def _about(header: list[str]) -> _About:
         if band := _BAND.search(line):
             meta |= {"hp_corner_hz": float(band[1]), "lp_corner_hz": float(band[2])}
     word = re.split(r"\s{2,}", match[2].strip())[0]
-    return _About(match[1], parse_orientation(word), meta)
+    where = parse_orientation(word)
+    if where is None:  # a title that is cut at its last column: another line may tell it
+        others = {other[0] for line in header for other in _DIRECTION.finditer(line)}
+        where = parse_orientation(others.pop()) if len(others) == 1 else None
+    return _About(match[1], where, meta)

@@ -17,6 +17,7 @@ from romdam.records.formats.esm import is_esm, read_esm, write_esm
 from romdam.records.formats.geonet import is_geonet, read_geonet
 from romdam.records.formats.knet import is_knet, read_knet
 from romdam.records.formats.smc import is_smc, read_smc, write_smc
+from romdam.records.formats.statements import statements, unit_stated
 from romdam.records.formats.text import decode, read_bytes
 
 HEAD = 20_000  # bytes; CSMIP announces its data behind three or four thousand bytes of header
@@ -48,12 +49,6 @@ _FOREIGN: tuple[tuple[str, str, str], ...] = (
         r"(corrected accelerogram .*corresponding to|file\s+\d+ of uncorrected accelerogram data of volume)",
         "a Volume I or II file of USC or CIT",
         "take the same record from CESMD or PEER",
-    ),
-    (
-        r"strong ground motion records of turk",
-        "a text of AFAD (NSMN, Turkey), three columns in gal",
-        "declare `header_lines: 18`, `dt` (SAMPLING INTERVAL) and `unit: cm/s2`, with `components: {x: 2, "
-        "y: 1, z: 3}` for E-W, N-S and U-D",
     ),
 )  # fmt: skip
 
@@ -130,12 +125,29 @@ def read_channels(path: Path, declared: Declared | None = None) -> list[Channel]
         return read_with_obspy(path, declared.response)
     except UnknownFormatError:
         row = first_row(head)
+    says_something = row and any(statements(line) or unit_stated(line)[0] for line in head.splitlines()[:row])
+    if row and says_something and (channels := _of_its_header(path, declared, row)):
+        return channels
     if row is None:
         raise NoAccelerationError(f"{path}: line 1: not a record of any known format; romdam reads {READ}")
     raise RecordError(
         f"{path}: line 1: not a record of any known format, but rows of numbers begin in line {row + 1}: "
         f"declare `header_lines: {row}` if these are its samples; romdam reads {READ}"
     )
+
+
+def _of_its_header(path: Path, declared: Declared, row: int) -> list[Channel]:
+    """The channels of a text whose header states interval and unit, as AFAD's and CSMNC's do; else none."""
+    layout = Layout(header_lines=row)
+    try:
+        channels = read_columns(path, declared.dt, declared.time_column, declared.unit, layout)
+    except NoAccelerationError:
+        raise
+    except RecordError as error:
+        if error.key == "dt" or "layout" in str(error):  # it does not say so much of itself
+            return []
+        raise
+    return channels if channels[0].unit or declared.unit else []
 
 
 FORMATS: dict[str, Format] = {

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from romdam.records.channel import Channel, Orientation
-from romdam.records.formats.text import PEAK_SHARE, TextFile, check_peak, iso_time, read_text
+from romdam.records.formats.text import NUMBER, PEAK_SHARE, TextFile, check_peak, iso_time, read_text
 from romdam.records.processing.resampling import even_series
 
 Array = NDArray[np.float64]
 TEXT_LINES, INTEGER_LINES, REAL_LINES = 11, 6, 10
-KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2"}
+KINDS = {"1 UNCORRECTED ACCELEROGRAM": "V1", "2 CORRECTED ACCELEROGRAM": "V2", "0 UNKNOWN": "unknown"}
 OTHERS = ("3 VELOCITY", "4 DISPLACEMENT", "5 RESPONSE SPECTRA", "6 FOURIER AMPLITUDE SPECTRA")
 NULL_INTEGER, NULL_REAL = -32768, 1.7e38
 PEAKS = {29: np.argmax, 31: np.argmin}  # real headers 30 and 32, as Boore's SMCWrite fills them
@@ -38,7 +38,7 @@ _TITLE = re.compile(r"station\s*=\s*(.*?)\s*component\s*=\s*(.*)$", re.IGNORECAS
 def is_smc(head: str) -> bool:
     """Tell whether the start of a file looks like SMC's."""
     first = head.split("\n", 1)[0].strip().upper()
-    return first in KINDS or first.startswith(OTHERS)
+    return first.startswith((*KINDS, *OTHERS))
 
 
 def read_smc(path: Path) -> list[Channel]:
@@ -50,7 +50,8 @@ def read_smc(path: Path) -> list[Channel]:
         for velocity, displacement or spectra files, a problem flag, a count that is not met.
     """
     text = read_text(path, padded=True)
-    kind = KINDS.get(text.head(0).strip().upper())
+    title = text.head(0).strip().upper()
+    kind = next((level for start, level in KINDS.items() if title.startswith(start)), None)
     if kind is None:
         raise text.fail(0, f"{text.head(0).strip()[:60]!r} is not an accelerogram; take the V1 or V2 file")
     integers = text.table(TEXT_LINES, 8 * INTEGER_LINES, 8, 10)
@@ -71,16 +72,21 @@ def read_smc(path: Path) -> list[Channel]:
     header = TEXT_LINES + INTEGER_LINES + REAL_LINES
     first = header + comments
     for index in range(header, first):
-        if not text.line(index).startswith("|"):
+        words = text.line(index).split()  # Boore's programs leave out the bar
+        if not text.line(index).startswith("|") and words and all(map(NUMBER.fullmatch, words)):
             raise text.fail(index, f'expected comment {index - header + 1} of {comments}, starting with "|"')
-    per_row, width = (5, 14) if integers[46] == PRECISE else (8, 10)
+    precise = integers[46] == PRECISE or (count >= 8 and len(text.line(first).rstrip()) == 70)
+    per_row, width = (5, 14) if precise else (8, 10)
     values = text.numbers(first, count, per_row, width)
     end = first - (-count // per_row)
     left = [i for i in range(end, len(text.lines)) if text.lines[i].strip()]
     behind: tuple[str, ...] = ()
+    if kind == "unknown":
+        behind = ("the first line names no kind of series: taken for acceleration in cm/s2",)
     if uneven and len(left) == 1:  # the agency's files of CRA-1 film end so; its times do not go on
         text.free(left[0])
-        behind, left = (f"line {left[0] + 1}, behind the {count} values that are announced, is left out",), []
+        extra = f"line {left[0] + 1}, behind the {count} values that are announced, is left out"
+        behind, left = (*behind, extra), []
     if left:
         raise text.fail(left[0], f"data after the {count} values that the header announces; altered file")
     if uneven:

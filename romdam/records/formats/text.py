@@ -24,6 +24,7 @@ from romdam.core.files import check_file
 MAX_BYTES = 200_000_000  # 10 hours of three channels at 200 Hz as text; more is not one record
 WIDE = 400  # characters
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d{1,4})?|[-+]?nan", re.ASCII | re.IGNORECASE)
+END_MARK = re.compile(r"[^\d]*\b(?:end|eof|fin|ende|fine|stop)\b[^\d]*", re.I)
 _TOUCHING = re.compile(r"(?<=[\d.])(?=[-+]\d*\.)")  # Fortran columns that are full: -.1234E-01-.5678E-01
 _BOMS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _PLAINER = str.maketrans(dict.fromkeys("\x0c\x0b\xa0\u2007\u2009\u202f", " ") | {"\u2212": "-"})
@@ -53,6 +54,13 @@ _ACCELERATIONS = {
     "m/s2": "m/s2",
     "ms-2": "m/s2",
     "mm/s2": "0.001 m/s2",
+    "ms2": "m/s2",
+    "mps2": "m/s2",
+    "cms2": "cm/s2",
+    "cmps2": "cm/s2",
+    "cm/ss": "cm/s2",
+    "m/ss": "m/s2",
+    "mms2": "0.001 m/s2",
     "in/s2": "0.0254 m/s2",
     "ft/s2": "0.3048 m/s2",
 }
@@ -80,6 +88,14 @@ class TextFile:
                 "it is cut short, fetch it again"
             )
         return self.lines[index]
+
+    @property
+    def end(self) -> int:
+        """Number of lines without empty ones and marks such as "*** End Data ***" at the end."""
+        end = len(self.lines)
+        while end and (not self.lines[end - 1].strip() or END_MARK.fullmatch(self.head(end - 1))):
+            end -= 1
+        return end
 
     def head(self, index: int) -> str:
         """The part of line `index` that a header can fill; patterns need not search megabytes."""
@@ -165,7 +181,7 @@ class TextFile:
         """Read all numbers from line `index` to `stop`; also the number of values before each line's end."""
         values: list[float] = []
         ends: list[int] = []
-        for number in range(index, len(self.lines) if stop is None else stop):
+        for number in range(index, self.end if stop is None else stop):
             values.extend(self.value(word, number) for word in split_words(self.lines[number]))
             ends.append(len(values))
         return np.array(values), ends
@@ -260,7 +276,8 @@ def read_bytes(path: Path, most: int = -1) -> bytes:
 def acceleration_unit(word: str) -> str:
     """A file's unit in romdam's spelling; "" for anything else, however much of it looks like a unit."""
     text = re.sub(r"\s|\^|\*\*|·", "", word.lower()).strip(".").replace("²", "2").replace("⁻", "-")
-    return _ACCELERATIONS.get(text.replace("sec", "s").replace("/s/s", "/s2"), "")
+    text = text.replace("sec", "s").replace("/s/s", "/s2").replace("s*s", "s2")
+    return _ACCELERATIONS.get(text, "")
 
 
 def check_peak(text: TextFile, index: int, stated: float, measured: float, digit: float = 0.0) -> None:

@@ -1,8 +1,8 @@
 """Correction of a record: the steps of a configuration applied in order, with a log of what each did.
 
-All components of a record go through together, so that corners and pads are common to them. What a correction
-changed is said where it is much, and refused where most of the motion is gone; of the pads that it added only
-those samples are kept in which the ground still moves.
+All components of a record go through together, so that corners and pads are common to them. A correction is
+refused where most of the motion is gone; of the pads that it added only those samples are kept in which the
+ground still moves.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ from romdam.records.processing.offset import moving_average
 
 Array = NDArray[np.float64]
 NYQUIST_SHARE = 0.75  # gmprocess' cap of the low-pass
-SAID = 0.1  # change of a measure
 LEFT = 0.5  # of a measure, at least
 NOISE = 0.01  # of the strongest component's peak; a weaker component is not judged by itself
 COMPARED = {"pga": ("PGA", "m/s2"), "pgv": ("PGV", "m/s"), "arias": ("Arias intensity", "m/s")}
@@ -120,25 +119,6 @@ def correct(acc: Array, dt: float, chain: Sequence[Model], magnitude: float | No
             said = f"{location}: nothing uses its corners; put `butterworth` after it"
             signal = replace(signal, warnings=(*signal.warnings, said))
     return signal
-
-
-def check_processed(acc: Array, dt: float) -> tuple[str, ...]:
-    """Say where a record that is used as it is still drifts.
-
-    A velocity above 1 % of its peak or a displacement above 10 % of its peak at the end is what is left of
-    a baseline, or a permanent offset; the structure sees the first as a constant acceleration.
-    """
-    vel, disp = velocity(acc, dt), displacement(acc, dt)
-    remarks = []
-    for name, history, limit, unit in (("velocity", vel, 0.01, "m/s"), ("displacement", disp, 0.1, "m")):
-        peak, last = np.max(np.abs(history), axis=-1), np.abs(history[..., -1])
-        share = np.max(np.where(peak > 0.0, last / np.where(peak > 0.0, peak, 1.0), 0.0))
-        if share > limit:
-            remarks.append(
-                f"the {name} ends at {np.max(last):.3g} {unit}, {100 * share:.1f} % of its peak "
-                f"(limit {100 * limit:g} %); correct the record, or take the offset for real"
-            )
-    return tuple(remarks)
 
 
 def _mean(signal: Signal, step: MeanStep) -> Signal:
@@ -290,30 +270,6 @@ STEPS: dict[type, Callable[..., Signal]] = {
 }
 
 
-def changed_measures(before: Array, after: Array, dt: float, names: Sequence[str]) -> tuple[str, ...]:
-    """Say where a correction changes PGA, PGV or Arias intensity by more than `SAID`.
-
-    Parameters
-    ----------
-    before : (k, nt) [m/s2]
-    after : (k, nt with pads) [m/s2]
-    names : of the components, k
-    """
-    had, has = measure(before, dt), measure(after, dt)
-    judged = had["pga"] > 1e-9 * np.max(had["pga"], initial=0.0)  # else what rotation leaves of nothing
-    said = []
-    for row in np.flatnonzero(judged).tolist():
-        changes = [
-            f"{text} from {had[name][row]:.3g} to {has[name][row]:.3g} {unit} "
-            f"({100 * (has[name][row] / had[name][row] - 1.0):+.0f} %)"
-            for name, (text, unit) in COMPARED.items()
-            if abs(has[name][row] - had[name][row]) > SAID * had[name][row]
-        ]
-        if changes:
-            said.append(f"the correction changes, along {names[row]}, {', '.join(changes)}")
-    return tuple(said)
-
-
 def refuse_lost_motion(before: Array, after: Array, dt: float, names: Sequence[str]) -> None:
     """Refuse a correction that leaves less than `LEFT` of PGA, PGV or Arias intensity.
 
@@ -321,7 +277,9 @@ def refuse_lost_motion(before: Array, after: Array, dt: float, names: Sequence[s
 
     Parameters
     ----------
-    before, after, names : as of `changed_measures`
+    before : (k, nt) [m/s2]
+    after : (k, nt with pads) [m/s2]
+    names : of the components, k
 
     Raises
     ------
