@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from romdam.config.effects import EFFECTS, EXCLUDED
 from romdam.config.schema import limits, plain, schema
+from romdam.error.approximations import GROUPS
 from romdam.results.case import Variable
 from romdam.results.suite.rows import ROWS
 from romdam.results.variables import COORDINATES, VARIABLES
@@ -62,6 +63,7 @@ def write(folder: Path) -> None:
         **{f"keys_{subject}.md": configuration(subject) for subject in SUBJECTS},
         "constants.md": constants(),
         "effects.md": effects(),
+        "approximations.md": approximations(),
         "coordinates.md": variables(COORDINATES),
         "variables.md": variables(VARIABLES),
         "rows.md": variables(ROWS),
@@ -166,6 +168,30 @@ def effects() -> str:
         rows.append(f"| {k + 1} {name} | `{EFFECTS[name].key}` | {' | '.join(marks)} |")
     notes = [f"- {chr(ord('a') + k)}: {_cell(reason)}" for k, reason in enumerate(reasons)]
     return "\n".join([*rows, "", *notes]) + "\n"
+
+
+def approximations() -> str:
+    """A table for each group of approximations: what they change, and what states them."""
+    lines = list[str]()
+    for group, rows in GROUPS.items():
+        lines += [f"**{group[0].upper()}{group[1:]}**", "", "| approximation | changes | stated | code |"]
+        lines.append("|---" * 4 + "|")
+        for row in rows:
+            by = [_reference(row.stated, by) for by in row.by] or ["line `not included`"]
+            places = dict.fromkeys(place.partition(":")[0] for place in row.where)
+            code = ", ".join(f"`{place.replace('.', '/')}`" for place in places)
+            lines.append(f"| {row.name} | {_cell(row.changes)} | {row.stated}: {', '.join(by)} | {code} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _reference(stated: str, by: str) -> str:
+    """What states an approximation: a statement, the name of a test, words of a sentence, or a remark."""
+    if stated == "varied by":
+        return f"*{by}*"
+    if stated == "said in the result":
+        return f'"{by.partition(": ")[2].strip()}"'
+    return f"`{by}`" if "::" in by else by
 
 
 def variables(registry: Mapping[str, Variable]) -> str:

@@ -33,6 +33,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.core.threads import cpu_time, in_background, one_thread
 from romdam.effects.full_order import assemble_full
+from romdam.error.approximations import not_included
 from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
@@ -569,6 +570,7 @@ def run_motion(
         for statement in (estimate, mesh_error):
             if statement is not None:
                 statement.write_to(dataset)
+        dataset.attrs["error_not_included"] = not_included(job.config)
         total = of_mesh.total if isinstance(of_mesh, MeshChoice) else None
         accuracy = job.config.transient.step_accuracy
         concerns = json.loads(dataset.attrs["run_warnings"])

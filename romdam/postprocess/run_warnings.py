@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _MASS = 0.1  # of the effective mass, in modes that do not follow the ground, from which on a run is in doubt
 _ROUGH = 0.05  # time-stepping error of a step that was given, from which on it is worth a word
 _MOVES = 0.01  # of the largest speed, from which on a dam is not at rest
+_FAR = 0.05  # of the root of a joint's area: a gap that moves farther counts as far from where it started
 _ON_TIME = 1e-9  # round-off of a time [s]
 COUNTED = ("the energy ledger is open", "the time-stepping error is about")  # what a suite counts itself
 LEDGER_LIMIT = 1e-3  # of the largest energy exchanged; round-off is below 1e-9
@@ -77,6 +78,29 @@ def unrest_warnings(motion: GroundMotion, history: History) -> list[str]:
                 f"{member['record']} starts at {start:.4g} s, when the dam still moves at {share:.2g} of the "
                 f"largest speed before (root of the kinetic energies), limit {_MOVES:g}; if it is to be at "
                 "rest by then, give records[].rest more seconds"
+            )
+    return sentences
+
+
+def far_warnings(scene: Scene, history: History) -> list[str]:
+    """Say which joints move so far that their geometry changes, a sentence for each.
+
+    The force of a gap acts at the points where its two sides started. Once they are a distance apart, its
+    moment about one of the blocks is off by the force times the distance.
+    """
+    sentences, first = [], 0
+    for name, joint in scene.joints.items():
+        gaps = slice(first, first := first + len(joint.gap))
+        moved = history.jump[:, gaps].copy()
+        moved[..., 0] -= joint.gap
+        distance = float(np.sqrt((moved**2).sum(axis=2)).max())
+        size = math.sqrt(float(joint.whole_area.sum()))
+        if distance > _FAR * size:
+            sentences.append(
+                f"joint {name} moves by up to {distance:.3g} m, {distance / size:.0%} of the root of its "
+                f"area, limit {_FAR:.0%}: gaps stay between the points where they started, so that the "
+                f"moment of its force about one of the blocks is off by the force times up to {distance:.3g} "
+                "m, which no statement of error includes"
             )
     return sentences
 

@@ -26,7 +26,7 @@ _TEXTS = (
 _NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = (
     "model_file", "stress_file", "stress_statement", "floor_spectrum_statement", "error_statement",
-    "error_estimate",
+    "error_estimate", "error_not_included",
     "certificate_statement", "discretisation_statement", "code_sha256", "scene_sha256", "record_sha256",
 )  # fmt: skip
 _TIMINGS = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_")

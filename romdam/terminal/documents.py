@@ -174,6 +174,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         if "joint" in dataset
         else {},
         "error": sentences(attrs),
+        "error_not_included": attrs.get("error_not_included"),
         "error_estimate": estimate,
         "certificate": _json(attrs, "certificate"),
         "verification": _json(attrs, "verification"),

@@ -130,6 +130,8 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
         below = f", {' and '.join(_DONE[kind] for kind in stated)} below" if stated else ""
         measured = f"not measured against the mesh{below}; `romdam verify CONFIG --out DIR` measures it"
     lines = [f"error          {measured}", *(f"{kind:<15}{sentence}" for kind, sentence in stated.items())]
+    if left_out := str(attrs.get("error_not_included", "")):
+        lines.append(f"not included   {left_out}")
     if not mesh:
         mesh = "its error, often the largest, is not known; `romdam verify CONFIG --mesh finer` states it"
         return [*lines, f"mesh           {mesh}"]

@@ -64,6 +64,14 @@ def test_opening_takes_the_fracture_energy_whatever_the_step(shape, K_n, steps):
         assert work == pytest.approx(G, rel=1e-6)
 
 
+def test_what_an_exponential_curve_lacks_at_its_end_is_below_1e_10():
+    """Of strength and of energy exp(-r) is left at damage r; every job's curve is this one, scaled."""
+    shape, r = SHAPES.index("exponential"), np.linspace(0.0, 60.0, 60_001)
+    left = np.array([[strength_share(shape, x), 1.0 - energy_share(shape, x)] for x in r])
+    assert np.abs(left - np.exp(-r)[:, None]).max() < 1.1e-10
+    assert left[-1, 0] == 0.0
+
+
 @pytest.mark.parametrize("shape", ["linear", "exponential", "bilinear"])
 def test_a_crack_that_is_wide_open_has_nothing_left_to_lose(shape):
     """Not even 1e-10 of it, which every later step would have to agree on."""

@@ -219,8 +219,9 @@ def test_a_dam_that_still_moves_when_the_aftershock_comes_is_said(tmp_path):
     with romdam.open_suite(tmp_path / "out") as suite:
         summary = suite.to_dataset().load()
     assert summary.within_sequence.values.tolist() == ["after", ""]
-    slides, warned = json.loads(summary.attrs["run_warnings"])
+    slides, warned, far = json.loads(summary.attrs["run_warnings"])
     assert slides["record"] == "main" and "still slides" in slides["warning"]
+    assert far["record"] == "after" and "where they started" in far["warning"]
     assert warned["runs"] == 1 and warned["record"] == "after" and "still moves" in warned["warning"]
     assert f"1 of 2 runs, after first: {warned['warning']}" in suite_warning_lines(summary, None)
     table = suite_table(summary)

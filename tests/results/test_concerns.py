@@ -3,13 +3,14 @@
 import json
 import logging
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
 
 import romdam
-from romdam.postprocess.run_warnings import run_warnings
+from romdam.postprocess.run_warnings import far_warnings, run_warnings
 from romdam.terminal.lines import info_lines, suite_warning_lines
 from romdam.timestepping import step_control as accuracy
 
@@ -45,6 +46,22 @@ def test_modes_that_do_not_follow_the_ground_are_said():
     (text,) = run_warnings(GOOD | {"quasi_static_mass": 0.63})
     assert "63% of the effective mass" in text and "below 0.001 s" in text
     assert run_warnings(GOOD | {"quasi_static_mass": 0.09}) == []
+
+
+def test_a_joint_that_moves_far_from_where_it_started_is_said():
+    """Of 16 m2 a twentieth of 4 m is 0.2 m; what stands open at the start is no motion."""
+    joints = {
+        "a": SimpleNamespace(gap=np.array([0.5, 0.0]), whole_area=np.array([4.0, 12.0])),
+        "b": SimpleNamespace(gap=np.zeros(1), whole_area=np.array([16.0])),
+    }
+    scene, jump = SimpleNamespace(joints=joints), np.zeros((3, 3, 3))
+    jump[:, 0, 0] = 0.5, 0.6, 0.55  # 0.1 m of opening
+    jump[1, 1, 1:] = 0.12, 0.15  # 0.192 m of slip
+    assert far_warnings(scene, SimpleNamespace(jump=jump)) == []
+    jump[2, 1, 1:] = 0.18, -0.24  # 0.3 m
+    (text,) = far_warnings(scene, SimpleNamespace(jump=jump))
+    assert text.startswith("joint a moves by up to 0.3 m, 8% of the root of its area, limit 5%")
+    assert far_warnings(scene, SimpleNamespace(jump=jump[..., :1])) == []  # without shear the opening alone
 
 
 def test_both_are_counted_in_a_suite():

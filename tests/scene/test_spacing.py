@@ -29,6 +29,7 @@ from romdam.scene.joints import local_axes
 from romdam.scene.mortar.surface import Surface
 from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.stress.sections import gaps_above
+from romdam.terminal.lines import info_lines
 from romdam.timestepping.grouting import grouted
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"
@@ -281,6 +282,9 @@ def test_auto_takes_what_the_accuracy_allows_and_the_result_says_it(tmp_path, ca
         with romdam.open_result(romdam.run(path, tmp_path / path.stem).paths[0]) as result:
             stated = json.loads(result.dataset.attrs["configuration"])["joints"]["contraction"]["spacing"]
             taken[accuracy] = stated, result.dataset.sizes["gap"]
+            (said,) = (line for line in info_lines(result.dataset) if line.startswith("not included"))
+            assert said.endswith(result.dataset.attrs["error_not_included"])
+            assert ("the spacing of contact points" in said) == (stated is not None)
     assert taken["0.01 %"] == (None, 100)
     spacing, gaps = taken["20 %"]
     assert spacing > 5.0 and gaps < 50
