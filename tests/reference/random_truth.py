@@ -6,7 +6,7 @@ with the truth:
     modes, steps  the same mesh with all of its modes, each of them dynamic, at equal steps (`integrator:
                   modal`), halved until the openings change by a tenth of the run's error; no quasi-static
                   mode, no cut step. `--cross` integrates the mesh's own matrices too (generalised-alpha)
-    mesh          hex20 elements of half or a third of the size, a gap at every place that this mesh has, no
+    mesh          hex20 elements of a quarter, third or half of the size, a gap at every of their places, no
                   spacing; against the mesh as it is, both at the same equal steps
     total         the run against that finer mesh
 
@@ -252,29 +252,25 @@ def converged(
         cpu += fine.cpu
 
 
-def finer_mesh(raw: Raw) -> tuple[Raw, int] | None:
-    """The job on hex20 elements of a third, or half, of the size, without spacing; and which of both."""
-    linear = all(block["box"]["element"] in ("hex8", "tet4") for block in raw["blocks"].values())
-    for share in (2,) if linear else (3, 2):
-        job, nodes = copy.deepcopy(raw), 0.0
-        for block in job["blocks"].values():
-            box = block["box"]
-            box["element"] = "hex20"
-            box["element_size"] = [edge / share for edge in box["element_size"]]
-            nodes += count_nodes(box["size"], box["element_size"], "hex20")
-        for joint in job["joints"].values():
-            joint.pop("spacing", None)
-        if nodes <= _MOST_NODES:
-            return job, share
-    return None
-
-
-def without_spacing(raw: Raw) -> Raw:
-    """The job with a gap at every node."""
+def quadratic(raw: Raw, share: int) -> Raw:
+    """The job on hex20 elements of one `share`th of the size, its gaps without spacing."""
     job = copy.deepcopy(raw)
+    for block in job["blocks"].values():
+        box = block["box"]
+        box |= {"element": "hex20", "element_size": [edge / share for edge in box["element_size"]]}
     for joint in job["joints"].values():
         joint.pop("spacing", None)
     return job
+
+
+def finest_share(raw: Raw) -> int | None:
+    """How many times smaller the elements of the finer mesh are; None where that has too many nodes."""
+
+    def nodes(share: int) -> float:
+        boxes = [block["box"] for block in quadratic(raw, share)["blocks"].values()]
+        return sum(count_nodes(box["size"], box["element_size"], "hex20") for box in boxes)
+
+    return next((share for share in (4, 3, 2) if nodes(share) <= _MOST_NODES), None)
 
 
 @dataclass
@@ -404,11 +400,10 @@ def judge(raw: Raw, *, mesh: bool = True, cross: bool = False) -> Judged:
         add("modes+steps", errors_between(own.response, truth.response), steps_doubt)
         if cross:
             scene.notes.append(_crossed(raw, own.response, truth.response, step))
-    finer = finer_mesh(raw) if mesh else None
-    if finer is None:
+    share = finest_share(raw) if mesh else None
+    if share is None:
         return scene
-    job, share = finer
-    better, doubt, scene.cpu["mesh truth"] = _mesh_truth(job, raw)
+    better, doubt, scene.cpu["mesh truth"] = _mesh_truth(raw, share)
     scene.notes.append(f"mesh truth: hex20, 1/{share} of the size, {better.attrs['unknowns']} unknowns")
     same = on_its_mesh(raw, _MESH_STEP)
     wanted = better.response.at_gaps_of(own.response)
@@ -418,19 +413,16 @@ def judge(raw: Raw, *, mesh: bool = True, cross: bool = False) -> Judged:
     return scene
 
 
-def _mesh_truth(job: Raw, raw: Raw) -> tuple[Run, Errors, float]:
-    """The run on the finer mesh; what its own mesh may still be off by, from one of larger elements; CPU."""
+def _mesh_truth(raw: Raw, share: int) -> tuple[Run, Errors, float]:
+    """The run on a finer mesh; what its own mesh may still be off by, from one of larger elements; CPU."""
     basis = {"modes": 60, "residual_vectors": 30}
     steps = {"finest_step": _MESH_STEP, "integrator": "modal"}
-    better = finished(plain(job, basis, steps))
-    middle = copy.deepcopy(job)
-    for name, block in middle["blocks"].items():
-        block["box"]["element_size"] = list(raw["blocks"][name]["box"]["element_size"])
-    coarse = finished(plain(middle, basis, steps))
-    there = better.response.at_gaps_of(coarse.response)
-    change = errors_between(coarse.response, there)
-    third = {name: {m: value / 3.0 for m, value in each.items()} for name, each in change.items()}
-    return better, third, better.cpu + coarse.cpu
+    coarser = share // 2
+    better, coarse = (finished(plain(quadratic(raw, k), basis, steps)) for k in (share, coarser))
+    change = errors_between(coarse.response, better.response.at_gaps_of(coarse.response))
+    left = 1.0 / ((share / coarser) ** 2 - 1.0)  # of the change, for an order of 2
+    doubt = {name: {m: left * value for m, value in each.items()} for name, each in change.items()}
+    return better, doubt, better.cpu + coarse.cpu
 
 
 def _crossed(raw: Raw, judged: Response, truth: Response, step: float) -> str:
