@@ -38,6 +38,7 @@ from romdam.core.errors import ConfigError, ReductionError
 from romdam.effects.added_mass import WetMass
 from romdam.linalg.dense import DEPENDENT, eigh, independent, orthonormalising, without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, modes_below
+from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.basis import Augmented
@@ -271,6 +272,8 @@ def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedIn
     solver = make_solver(shifted, block.motions.of(~retained), columns, choice.solving, block.label)
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -solver.solve(coupling) if coupling.shape[1] else coupling
+    if shift:
+        choice = choice.with_rigid_motions(rigid_modes(K_ii, M_ii, block.motions.of(~retained).rigid).shape[1])
     return Psi, fixed_interface_modes(K_ii, M_ii, block.loads[~retained], choice, solver, shift), solver
 
 

@@ -121,6 +121,7 @@ class FreeInterface(Reductor):
             massless = needs_no_mass(substructure, part.right.shape[1])
             choice = wider(choice) if massless else choice
             choice = replace(choice, count=size if every else choice.count)
+            choice = choice.with_rigid_motions(part.rigid.shape[1])
             T, levels = _ritz_levels(part, choice, files, massless=massless)
         # largest relative residual of the eigenvalues, which the finer basis shares
         residual, modes = 0.0, levels[0].modes
