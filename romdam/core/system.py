@@ -370,6 +370,8 @@ class System:
     B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
     load : (n, k) forces, with the opposite sign, of unit motions: M r for unit acceleration of the base
     force : (n,) static force
+    load_steps : name -> its part of `force` (n,), in the order in which the loads come; empty where they come
+        at once
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
         conjugate to the joint force; None where it is the same
@@ -418,6 +420,7 @@ class System:
     initial: InitialState | None = None
     construction: ConstructionPlan | None = None
     built: BuiltStages | None = None
+    load_steps: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def size(self) -> int:

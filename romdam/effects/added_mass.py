@@ -281,6 +281,7 @@ def _diagonalised(
         B=csr_matrix(rows(system.B.toarray())),
         load=rows(np.asarray(system.load).T).T,
         force=rows(system.force[None])[0],
+        load_steps={kind: rows(force[None])[0] for kind, force in system.load_steps.items()},
         observe=csr_matrix(rows(system.observe.toarray())),
         at_point=None if more is None else csr_matrix(rows(more.toarray())),
         parts=change.parts(system.parts),

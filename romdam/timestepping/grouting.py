@@ -45,7 +45,7 @@ def grouted(system: System, tolerance: float) -> System:
     stage = with_parameters(system, fluid, None)
     force = stage.B[:: stage.law.directions].T @ law.grout
     try:
-        q, gaps = static_equilibrium(replace(stage, force=np.asarray(force)), tolerance)
+        q, gaps = static_equilibrium(replace(stage, force=np.asarray(force), load_steps={}), tolerance)
     except ConvergenceError as error:
         raise ConvergenceError(
             "joints: grouting_pressure acts before weight and water, and nothing holds the blocks; "

@@ -50,7 +50,6 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
         return system
     normal = system.B[:: law.directions].T
     earlier = np.zeros(len(law)) if system.uplift is None else system.uplift.added
-    force = np.asarray(system.force - normal @ earlier)
     start = {name: np.zeros(len(uplift.length)) for name, uplift in law.uplift.items()}
     closed = {name: uplift.force(start[name]) for name, uplift in law.uplift.items()}
     tips, found, moves, change, solved = start, start, list[Tips](), np.inf, 0
@@ -59,7 +58,8 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
     while solved < _MOST:
         solved += 1
         added = _added(law, tips, closed)
-        loaded = replace(system, force=np.asarray(force + normal @ added))
+        more = normal @ (added - earlier)
+        loaded = replace(system, force=np.asarray(system.force + more), load_steps=_with_water(system, more))
         try:
             _, gaps = static_equilibrium(loaded, tolerance, steps)
         except ConvergenceError as error:
@@ -100,6 +100,12 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
         law=replace(_law_while_shaken(law, gaps, tips), uplift={}),
         uplift=RestUplift(added, crack, solved, change, tuple(warnings)),
     )
+
+
+def _with_water(system: System, more: Floats) -> dict[str, Floats]:
+    """Steps of the loads, with more force (n,) in that of the water."""
+    steps = dict(system.load_steps)
+    return steps | {"water": steps["water"] + more} if "water" in steps else steps
 
 
 def _added(law: GapLaw, tips: Tips, closed: Tips) -> Floats:

@@ -273,7 +273,9 @@ def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedIn
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -solver.solve(coupling) if coupling.shape[1] else coupling
     if shift:
-        choice = choice.with_rigid_motions(rigid_modes(K_ii, M_ii, block.motions.of(~retained).rigid).shape[1])
+        choice = choice.with_rigid_motions(
+            rigid_modes(K_ii, M_ii, block.motions.of(~retained).rigid).shape[1]
+        )
     return Psi, fixed_interface_modes(K_ii, M_ii, block.loads[~retained], choice, solver, shift), solver
 
 
