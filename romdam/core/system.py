@@ -145,6 +145,30 @@ class RestUplift:
 
 
 @dataclass(frozen=True)
+class RestBalance:
+    """Resultants of the forces on the dam and its blocks at rest, and what they leave.
+
+    A resultant is (force along x, y, z [N], moment about x, y, z through `about` [N m]). Blocks that are tied
+    are one body; the dam stands first, with all blocks that are no rock.
+
+    Attributes
+    ----------
+    names : of the bodies
+    about : (k, 3) middle of each [m]
+    loads, joints, supports : (k, 6) of the static loads; of the joints, with the water in them; of supports
+        and springs
+    left : (k,) what is left, of the forces that act on the body; moments over its half diagonal
+    """
+
+    names: tuple[str, ...]
+    about: Floats
+    loads: Floats
+    joints: Floats
+    supports: Floats
+    left: Floats
+
+
+@dataclass(frozen=True)
 class ConstructionPlan:
     """Stages of construction that a system is still to go through.
 
@@ -594,6 +618,7 @@ class History(GapQuantities):
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
     uplift, built : as of the system
+    balance : of the forces at rest; None where the run does not begin there
     """
 
     time: Floats
@@ -614,6 +639,7 @@ class History(GapQuantities):
     every_step: StepMotion | None = None
     uplift: RestUplift | None = None
     built: BuiltStages | None = None
+    balance: RestBalance | None = None
 
     @property
     def q(self) -> Floats | None:

@@ -41,7 +41,7 @@ def surface_force(scene: Scene, block: str) -> Floats:
     return np.asarray(sum(surface_forces(scene, block).values(), np.zeros_like(scene.blocks[block].points)))
 
 
-def surface_forces(scene: Scene, block: str) -> dict[str, Floats]:
+def surface_forces(scene: Scene, block: str, *, thermal: bool = True) -> dict[str, Floats]:
     """Kind of load -> its nodal force on a block but for weight, (n, 3) [N].
 
     Pressure, still water, point forces, a change of temperature, and, as weight, what comes with the block's
@@ -51,7 +51,7 @@ def surface_forces(scene: Scene, block: str) -> dict[str, Floats]:
     kinds = {kind: np.zeros_like(points) for kind in LOAD_KINDS}
     if matrices is not None:
         kinds["weight"] += matrices.force.reshape(-1, 3)
-    if block in scene.warmed:
+    if thermal and block in scene.warmed:
         kinds["temperature"] += thermal_force(scene.blocks[block], scene.warmed[block])
     for water in scene.water:
         if water.block == block:

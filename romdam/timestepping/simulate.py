@@ -18,6 +18,7 @@ from romdam.timestepping.energy import imbalance
 from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
+from romdam.timestepping.load_order import order_warnings
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.support_motion import add_support_motion
@@ -96,6 +97,8 @@ def simulate(
                 stats["uplift_iterations"] = float(system.uplift.iterations)
                 warnings = (*history.warnings, *system.uplift.warnings)
                 history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
+            if on_path := order_warnings(simulation.prepared, settings):
+                history = replace(history, warnings=(*history.warnings, *on_path))
             if system.built is not None:
                 history = replace(history, built=system.built)
             if every_step:
