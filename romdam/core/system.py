@@ -613,6 +613,7 @@ class History(GapQuantities):
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     gap : (ng,) initial gaps that it began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
+    ground_peak : (3,) its largest value over all steps, either sign [m/s2]
     forces : (nt, k) forces that vary in time, see `ForceSignal`; empty without any [N]
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
@@ -633,6 +634,7 @@ class History(GapQuantities):
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    ground_peak: Floats = field(default_factory=lambda: np.zeros(0))
     forces: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
     final: FinalState | None = None

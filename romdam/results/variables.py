@@ -366,6 +366,13 @@ VARIABLES: dict[str, Variable] = {
         "ground acceleration of the base, as integrated",
         lambda case: case.history.ground,
     ),
+    "peak_ground_acceleration": Variable(
+        ("component",),
+        "m s-2",
+        "largest ground acceleration of the base along the axis, either sign, over all steps",
+        lambda c: c.history.ground_peak,
+        lambda c: c.history.ground_peak.size > 0,
+    ),
     "applied_force": Variable(
         ("time", "force_history"),
         "N",

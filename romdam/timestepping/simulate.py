@@ -84,14 +84,22 @@ def simulate(
             system, written = simulation.prepared.system, settings.steps.stride
             history = add_support_motion(history, system, simulation.ground, written)
             stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
+            stats["base_step"] = settings.steps.base
             ground = simulation.ground[:3, ::written].T  # below it stands what moving supports do
             final = history.final
             if final is not None:
                 laws = {law_key(rows.law): rows.on for rows in every_law(system.law)}
                 final = replace(final, model=model_signature(system), laws=laws)
             forces = system.forces(simulation.ground)[:, ::written].T
+            ground_peak = np.abs(simulation.ground[:3]).max(axis=1, initial=0.0)
             history = replace(
-                history, stats=stats, gap=system.law.gap, ground=ground, forces=forces, final=final
+                history,
+                stats=stats,
+                gap=system.law.gap,
+                ground=ground,
+                ground_peak=ground_peak,
+                forces=forces,
+                final=final,
             )
             if system.uplift is not None:
                 stats["uplift_iterations"] = float(system.uplift.iterations)
