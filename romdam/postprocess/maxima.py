@@ -95,7 +95,11 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
 def _leaves_steps_out(dataset: xr.Dataset) -> bool:
     """Whether the run has steps between its written rows; that of an older result is not known."""
     step = float(dataset.attrs.get("solver_base_step", np.inf))
-    return dataset.time.size > 1 and float(dataset.time[1] - dataset.time[0]) > (1.0 + 1e-9) * step
+    return (
+        "time" in dataset
+        and dataset.time.size > 1
+        and float(dataset.time[1] - dataset.time[0]) > (1.0 + 1e-9) * step
+    )
 
 
 def peak_ground_acceleration(dataset: xr.Dataset) -> xr.DataArray:

@@ -132,6 +132,10 @@ def _thrust(thrust: ThrustConfig, run: xr.Dataset | None, count: int, location: 
                 f"{location}.on: joint {name!r} is between {between[0]!r} and {between[1]!r}, not on "
                 f"{thrust.on!r}; name one of these, or another joint"
             )
+        if "joint_force" not in run:
+            raise ConfigError(
+                f"{location}.joints: the result of an earlier version has no joint_force; run it again"
+            )
         on_J = run.joint_force.sel(joint=name).transpose("time", "component").values
         force += on_J if thrust.on == between[1] else -on_J
     for name in thrust.sections or ():

@@ -299,7 +299,7 @@ VARIABLES: dict[str, Variable] = {
         "force that passes through the whole joint to block J: contact, water_force, and the water that "
         "entered its cracks; block I has the opposite",
         lambda c: c.joint_force,
-        Case.has_joints,
+        lambda c: c.has_joints(),  # results of before 0.2 have none
     ),
     **{f"{kind}_at_rest": _balance(kind, text) for kind, text in _BALANCED.items()},
     "imbalance_at_rest": Variable(

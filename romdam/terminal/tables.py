@@ -98,6 +98,16 @@ def stability_table(rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
+def rest_forces_table(rows: Sequence[Sequence[str]]) -> list[Table]:
+    """Forces and moments on the dam and its bodies at rest; none where no rows are."""
+    from romdam.postprocess.stability import FORCES_HEAD
+
+    table = _table("Forces at rest", FORCES_HEAD[:3], FORCES_HEAD[3:])
+    for row in rows:
+        table.add_row(*row)
+    return [table] if table.row_count else []
+
+
 def maxima_table(dataset: xr.Dataset) -> Table:
     """The largest values of a result."""
     from romdam.postprocess.maxima import HEAD, explained, maxima

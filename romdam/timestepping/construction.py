@@ -67,7 +67,7 @@ def constructed(system: System, tolerance: float) -> System:
         try:
             displacement, gaps = static_equilibrium(replace(part, force=load), tolerance)
         except ConvergenceError as error:
-            raise ConvergenceError(f"construction, stage {quote(stage)}: {error}") from None
+            raise type(error)(f"construction, stage {quote(stage)}: {error}") from None
         kept = whole[present]
         if len(gaps.accumulated_slip):
             slipped[holds] = gaps.accumulated_slip[kept]

@@ -20,7 +20,7 @@ from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.crack_water import EXCESS, CrackWater
 from romdam.contact.problem import every_law, law_memory
 from romdam.core.arrays import Bools, Floats
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import ConvergenceError, NoEquilibriumError
 from romdam.core.system import OPEN, GapLaw, LawSource, RestUplift, System
 from romdam.timestepping.equilibrium import GapState, ProximalStep, static_equilibrium
 
@@ -64,7 +64,7 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
             _, gaps = static_equilibrium(loaded, tolerance, steps)
         except ConvergenceError as error:
             if tips is found:
-                raise ConvergenceError(_without_equilibrium(law, tips, error)) from None
+                raise type(error)(_without_equilibrium(law, tips, error)) from None
             tips, moves = found, []  # extrapolated too far
             continue
         found = _read_tips(law, gaps)
@@ -207,7 +207,10 @@ def _without_equilibrium(law: GapLaw, tips: Tips, error: ConvergenceError) -> st
     name = max(law.uplift, key=lambda each: float((tips[each] / law.uplift[each].length).max()))
     line = int(np.argmax(tips[name] / law.uplift[name].length))
     cracked, length = tips[name][line], law.uplift[name].length[line]
-    return (
-        f"loads.joint_water: the uplift grows with the crack, and when joint {name} is cracked over "
-        f"{cracked:.4g} m of {length:.4g} m there is no equilibrium any more ({error})"
-    )
+    where = f"joint {name} is cracked over {cracked:.4g} m of {length:.4g} m"
+    if isinstance(error, NoEquilibriumError):
+        return (
+            f"loads.joint_water: the uplift grows with the crack, and when {where} there is no equilibrium "
+            f"any more ({error})"
+        )
+    return f"loads.joint_water: with the uplift when {where} {error}"
