@@ -52,6 +52,7 @@ _MOST_WATER = 200  # equilibria of an increment, until the gaps keep the water t
 _DOUBTFUL = 30  # iterations, most scenes rest within 10, after which limit analysis is asked
 _REST = 1e-9  # relative change of q that counts as rest, or 10 times the gaps' tolerance
 _NO_MOTION = 1e-12  # [m] largest coordinate of q below which rest is not relative to it
+_HISTORY = 1  # of what an increment commits: where the memory of the further laws stands
 _ROUND_OFF = 1e-13  # of the displacement without joint force, of which q is a small difference
 _SINGULAR = 1e-9  # of W's diagonal: a smaller part of W does not tell forces apart
 _YIELDING = 1e-4  # of W's mean diagonal, the proximal compliance where W is singular
@@ -359,7 +360,7 @@ class _Search:
         memory = self._memory = memory._replace(solver=_fresh_solver(gaps))
         for iteration in range(_MAX_ITERATIONS):
             if iteration == _DOUBTFUL:
-                _refuse_collapse(replace(system, force=force), step.problem)
+                _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
             free = step.factor.solve(force + step.shift * (system.M @ q))
             shift, hasty = step.shift, step.shift < _MOST_SHIFT
             self._take_back(committed)
@@ -367,7 +368,7 @@ class _Search:
                 gaps, unsettled = step.solve(memory, gaps, np.asarray(system.B @ free), self.tolerance, hasty)
             except ConvergenceError:
                 if not hasty:
-                    _refuse_collapse(replace(system, force=force), step.problem)
+                    _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
                     raise
                 calm, shift = 0, max(_GROWTH * step.shift, _SHIFT)
             else:
@@ -385,6 +386,7 @@ class _Search:
                 step = self._factored(shift)
                 memory.force[:] = gaps.p_c
                 memory = self._memory = memory._replace(solver=_fresh_solver(gaps))
+        _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
         raise ConvergenceError(
             f"initial state: no equilibrium was found in {_MAX_ITERATIONS} iterations (the last still moved "
             f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}), which does not say that there is none; "
@@ -411,6 +413,7 @@ class _Search:
     @property
     def _committed_arrays(self) -> tuple[Floats, ...]:
         memory = self._memory
+        # the history stands at `_HISTORY`
         return memory.accumulated_slip, memory.history, memory.step, memory.last_step, memory.spring
 
 
@@ -418,9 +421,9 @@ def _fresh_solver(gaps: GapState) -> Any:
     return solver_state(len(gaps.jump), gaps.jump.shape[1] > 1)
 
 
-def _refuse_collapse(system: System, problem: GapProblem) -> None:
+def _refuse_collapse(system: System, problem: GapProblem, history: Floats) -> None:
     """Refuse loads on what floats that no forces of the joints balance, before the iteration is given up."""
-    collapse = find_collapse(system, problem)
+    collapse = find_collapse(system, problem, history)
     if collapse is None:
         return
     names = ", ".join(collapse.parts)
