@@ -7,7 +7,7 @@ thrust T = g b H^2 / 2 (g the water's weight) and uplift U = g b L (H + H_t) / 2
 
     N = W - U,    FS = mu N / T,    x = (W L / 2 + T H / 3 - U (L / 3) (H + 2 H_t) / (H + H_t)) / (N L),
 
-x the place of the resultant from the heel, of the base's length. The joint between two blocks carries nothing.
+x where the resultant stands from the heel, of the base's length. Blocks side by side share their loads.
 """
 
 from __future__ import annotations
@@ -114,7 +114,5 @@ def random_blocks(rng: np.random.Generator) -> tuple[list[RestingBlock], dict[st
         "transient": {"finest_step": 0.002, "duration": 0.02},
         "outputs": {"plots": False, "error_estimate": False, "mesh_error": False},
     } | ({"ties": ties} if ties else {})
-    resting = [
-        RestingBlock(float(width), length, height, level, tailwater, friction) for width in widths
-    ]
+    resting = [RestingBlock(float(width), length, height, level, tailwater, friction) for width in widths]
     return resting, job

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from blocks_at_rest import random_blocks
 
 import romdam
-from blocks_at_rest import random_blocks
 from romdam.core.errors import NoEquilibriumError
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.stability import joint_stability
