@@ -16,6 +16,7 @@ from romdam.timestepping.equilibrium import GapState, initial_state, load_path, 
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 
+_MN = 1e-6  # [1/N]
 _WIDE = 0.02  # of the largest force of a joint, from which on the range is stated
 
 
@@ -44,9 +45,9 @@ def _compared(system: System, gaps: GapState, tolerance: float) -> tuple[str, ..
     (n, t), (n_back, t_back) = ((force[k, NORMAL], np.linalg.norm(force[k, 1:])) for force in (there, back))
     order = list(system.load_steps)
     return (
-        f"the state at rest depends on the order of the loads: joint {names[k]} carries {1e-6 * n:.4g} MN of "
-        f"compression and {1e-6 * t:.4g} MN of shear where {', '.join(order)} follow each other "
-        f"(loads.order), and {1e-6 * n_back:.4g} and {1e-6 * t_back:.4g} MN in the reversed order, "
+        f"the state at rest depends on the order of the loads: joint {names[k]} carries {_MN * n:.4g} MN of "
+        f"compression and {_MN * t:.4g} MN of shear where {', '.join(order)} follow each other "
+        f"(loads.order), and {_MN * n_back:.4g} and {_MN * t_back:.4g} MN in the reversed order, "
         f"{100.0 * apart[k] / size:.2g} % of the largest force of a joint; give the order in which they came",
     )
 

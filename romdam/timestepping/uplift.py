@@ -207,10 +207,10 @@ def _without_equilibrium(law: GapLaw, tips: Tips, error: ConvergenceError) -> st
     name = max(law.uplift, key=lambda each: float((tips[each] / law.uplift[each].length).max()))
     line = int(np.argmax(tips[name] / law.uplift[name].length))
     cracked, length = tips[name][line], law.uplift[name].length[line]
-    where = f"joint {name} is cracked over {cracked:.4g} m of {length:.4g} m"
-    if isinstance(error, NoEquilibriumError):
-        return (
-            f"loads.joint_water: the uplift grows with the crack, and when {where} there is no equilibrium "
-            f"any more ({error})"
-        )
-    return f"loads.joint_water: with the uplift when {where} {error}"
+    end = f"there is no equilibrium any more ({error})"
+    if not isinstance(error, NoEquilibriumError):
+        end = f"none was found, which does not say that there is none ({error})"
+    return (
+        f"loads.joint_water: the uplift grows with the crack, and when joint {name} is cracked over "
+        f"{cracked:.4g} m of {length:.4g} m {end}"
+    )
