@@ -35,6 +35,7 @@ from romdam.core.threads import cpu_time, in_background, one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.approximations import not_included
 from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verification
+from romdam.fem.balance import balance_at_rest, refuse_unbalanced
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes, with_modes
@@ -59,7 +60,7 @@ from romdam.postprocess.variant_tables import Table
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
-from romdam.results.case import rock_blocks
+from romdam.results.case import rock_blocks, water_at_rest
 from romdam.results.dataset import Timing, build_dataset, run_identity, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
@@ -546,6 +547,7 @@ def run_motion(
     wall, cpu = time.perf_counter(), cpu_time()
     with clock.stage("integration", f"simulating {motion.name}") as progress:
         history = simulate_motion(job, model.prepared, motion, job.config.transient.duration, progress)
+    history = with_balance(job, model, history)
     model, files = shared()
     history, estimate = _estimated(job, model, motion, history, clock)
     floors = None
@@ -581,6 +583,25 @@ def run_motion(
     for concern in concerns:
         log.warning("%s: %s", motion.name, concern)
     return FinishedRun(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
+
+
+def with_balance(job: Job, model: Model, history: History) -> History:
+    """The history with the balance of its forces at rest, where it begins there.
+
+    Raises
+    ------
+    ConvergenceError
+        where they do not balance.
+    """
+    if job.config.loads.begins != "static" or model.prepared.goes_on_from is not None:
+        return history
+    scene, water = model.scene, water_at_rest(model.scene, history)
+    if history.water.size:
+        water = water + history.water[0]
+    dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
+    balance = balance_at_rest(scene, history.traction[0], water, dam)
+    refuse_unbalanced(balance)
+    return replace(history, balance=balance)
 
 
 def _estimated(

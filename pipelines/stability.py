@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.config.sections.post_earthquake import PostEarthquakeConfig
 from romdam.config.variants import changed_job
-from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.pipelines.run import Stage, run, silent
 from romdam.postprocess.stability import (
+    FORCES_HEAD,
     HEAD,
     NO_EQUILIBRIUM,
+    NOT_FOUND,
     STABLE,
     JointStability,
     Row,
+    force_rows,
     joint_stability,
     stability_row,
 )
@@ -40,18 +43,28 @@ _AT_REST: dict[str, object] = {  # path -> value: what a state at rest needs not
 
 @dataclass(frozen=True)
 class Stability:
-    """Joints of all records that have an equilibrium, messages of those without, and the files written."""
+    """Joints of all records that have an equilibrium, messages of those without, and the files written.
+
+    Attributes
+    ----------
+    without : records that have no equilibrium, as limit analysis proves; of the other failures none was found
+    forces : rows under `romdam.postprocess.stability.FORCES_HEAD`
+    """
 
     joints: list[JointStability]
     failures: dict[str, str]
     paths: tuple[Path, ...]
+    without: frozenset[str] = frozenset()
+    forces: tuple[Row, ...] = ()
 
     @property
     def rows(self) -> list[Row]:
         """The table, a row for each joint, and one for each record without equilibrium."""
         rows = [stability_row(joint) for joint in self.joints]
         missing = ("-",) * (len(HEAD) - 3)
-        return [*rows, *((record, "all", NO_EQUILIBRIUM, *missing) for record in self.failures)]
+        for record in self.failures:
+            rows.append((record, "all", NO_EQUILIBRIUM if record in self.without else NOT_FOUND, *missing))
+        return rows
 
     @property
     def is_stable(self) -> bool:
@@ -68,7 +81,7 @@ def assess_stability(
     Parameters
     ----------
     results : files of runs of the job
-    out : folder for <job>-stability.csv; nothing is written without one
+    out : folder for <job>-stability.csv and -forces.csv; nothing is written without one
 
     Raises
     ------
@@ -79,6 +92,7 @@ def assess_stability(
     job = load_config(job)
     asked = post_earthquake_of(job)
     joints, failures = list[JointStability](), dict[str, str]()
+    without, forces = set[str](), list[Row]()
     for path in results:
         with open_result(path) as opened:
             record = str(opened.dataset.attrs["record"])
@@ -90,17 +104,22 @@ def assess_stability(
             outcome = run(after, None, show, motions=at_rest)
         except ConvergenceError as error:
             failures[record] = str(error)
+            if isinstance(error, NoEquilibriumError):
+                without.add(record)
             continue
         if outcome.failures:
             failures[record] = next(iter(outcome.failures.values()))
             continue
         dataset = outcome.results[0].dataset
         joints += joint_stability(dataset, record, asked.required_factor, asked.joints)
-    stability = Stability(joints, failures, ())
+        forces += force_rows(dataset, record)
+    stability = Stability(joints, failures, (), frozenset(without), tuple(forces))
     if out is None:
         return stability
-    written = prepare_folder(Path(out)) / f"{job.stem}-stability.csv"
-    return Stability(joints, failures, (write_csv(HEAD, stability.rows, written),))
+    stem = prepare_folder(Path(out)) / f"{job.stem}-stability"
+    written = write_csv(HEAD, stability.rows, stem.with_suffix(".csv"))
+    of_forces = write_csv(FORCES_HEAD, forces, stem.with_name(f"{stem.name}-forces.csv"))
+    return replace(stability, paths=(written, of_forces))
 
 
 def post_earthquake_of(job: Job) -> PostEarthquakeConfig:

@@ -16,9 +16,9 @@ ROCK = {
     "downstream": 220.0,
     "depth": 120.0,
     "zones": {
-        "left": {"material": "rock_b", "x": [-1000, -40]},
-        "right": {"material": "rock_c", "x": [60, 1000]},
-        "centre": {"material": "rock_a"},
+        "left": {"material": "rock_b", "mass": True, "x": [-1000, -40]},
+        "right": {"material": "rock_c", "mass": True, "x": [60, 1000]},
+        "centre": {"material": "rock_a", "mass": True},
     },
 }
 JOINTS = {"normal_stiffness": 24e9, "shear_stiffness": 12e9, "friction": 0.6, "gaps": "corners"}

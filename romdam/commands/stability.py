@@ -31,11 +31,12 @@ def stability(
     """
     from romdam.pipelines.stability import assess_stability
     from romdam.terminal import complain, open_terminal
-    from romdam.terminal.tables import stability_table
+    from romdam.terminal.tables import rest_forces_table, stability_table
 
     stages, say = open_terminal(quiet, verbose)
     assessed = assess_stability(romdam.load_config(config), results, out, stages)
-    say(stability_table(assessed.rows), *(f"written: {path}" for path in assessed.paths))
+    tables = (stability_table(assessed.rows), *rest_forces_table(assessed.forces))
+    say(*tables, *(f"written: {path}" for path in assessed.paths))
     complain(*(f"{record}: {message}" for record, message in assessed.failures.items()))
     if not assessed.is_stable:
         raise typer.Exit(FAILED)

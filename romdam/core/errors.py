@@ -43,6 +43,10 @@ class ConvergenceError(RomdamError):
     """An equilibrium or a time step did not converge."""
 
 
+class NoEquilibriumError(ConvergenceError):
+    """Loads that no forces of the joints balance, as limit analysis proves."""
+
+
 class ResultError(RomdamError):
     """A result or model file cannot be read or written."""
 

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 
 
+LOAD_KINDS = ("weight", "forces", "water", "temperature")  # of static loads, in the usual order
+
+
 @dataclass(frozen=True)
 class Material:
     """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3], linear thermal expansion [1/K]."""
@@ -442,6 +445,7 @@ class Scene:
     initial : state of another run that runs begin with; None without
     construction : stages in which the dam was built, one after another
     remarks : what of the scene is odd and may not be meant, one sentence each
+    load_order : kinds of static loads, in the order in which they are applied to the state at rest
     """
 
     blocks: dict[str, Block]
@@ -465,6 +469,7 @@ class Scene:
     initial: InitialState | None = None
     construction: tuple[ConstructionStage, ...] = ()
     remarks: tuple[str, ...] = ()
+    load_order: tuple[str, ...] = LOAD_KINDS
 
     @property
     def gap_position(self) -> Floats:

@@ -145,6 +145,30 @@ class RestUplift:
 
 
 @dataclass(frozen=True)
+class RestBalance:
+    """Resultants of the forces on the dam and its blocks at rest, and what they leave.
+
+    A resultant is (force along x, y, z [N], moment about x, y, z through `about` [N m]). Blocks that are tied
+    are one body; the dam stands first, with all blocks that are no rock.
+
+    Attributes
+    ----------
+    names : of the bodies
+    about : (k, 3) middle of each [m]
+    loads, joints, supports : (k, 6) of the static loads; of the joints, with the water in them; of supports
+        and springs
+    left : (k,) what is left, of the forces that act on the body; moments over its half diagonal
+    """
+
+    names: tuple[str, ...]
+    about: Floats
+    loads: Floats
+    joints: Floats
+    supports: Floats
+    left: Floats
+
+
+@dataclass(frozen=True)
 class ConstructionPlan:
     """Stages of construction that a system is still to go through.
 
@@ -370,6 +394,8 @@ class System:
     B : (directions * ng, n) sparse; rows of gap m are directions*m + (0: normal, 1: j, 2: k)
     load : (n, k) forces, with the opposite sign, of unit motions: M r for unit acceleration of the base
     force : (n,) static force
+    load_steps : name -> its part of `force` (n,), in the order in which the loads come; empty where they come
+        at once
     observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
         conjugate to the joint force; None where it is the same
@@ -418,6 +444,7 @@ class System:
     initial: InitialState | None = None
     construction: ConstructionPlan | None = None
     built: BuiltStages | None = None
+    load_steps: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -586,11 +613,13 @@ class History(GapQuantities):
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     gap : (ng,) initial gaps that it began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
+    ground_peak : (3,) its largest value over all steps, either sign [m/s2]
     forces : (nt, k) forces that vary in time, see `ForceSignal`; empty without any [N]
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
     uplift, built : as of the system
+    balance : of the forces at rest; None where the run does not begin there
     """
 
     time: Floats
@@ -605,12 +634,14 @@ class History(GapQuantities):
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    ground_peak: Floats = field(default_factory=lambda: np.zeros(0))
     forces: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     warnings: tuple[str, ...] = ()
     final: FinalState | None = None
     every_step: StepMotion | None = None
     uplift: RestUplift | None = None
     built: BuiltStages | None = None
+    balance: RestBalance | None = None
 
     @property
     def q(self) -> Floats | None:

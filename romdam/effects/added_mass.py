@@ -44,6 +44,7 @@ from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
 from romdam.geometry.elements import Floats
 from romdam.linalg.dense import eigh, without_roundoff
+from romdam.linalg.modes.rigid import without_strain
 from romdam.reduction.basis import Lazy, Turn
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
@@ -272,7 +273,8 @@ def _diagonalised(
     omega2, V = wet_modes(k[wet], B[:, wet], water)
     change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
     rows = change.whole.rows
-    omega2 = np.concatenate([without_roundoff(omega2), k[change.dry]])
+    omega2 = without_strain(without_roundoff(omega2), int((k[wet] == 0.0).sum()))
+    omega2 = np.concatenate([omega2, k[change.dry]])
     more = system.at_point
     turned = replace(
         system,
@@ -281,6 +283,7 @@ def _diagonalised(
         B=csr_matrix(rows(system.B.toarray())),
         load=rows(np.asarray(system.load).T).T,
         force=rows(system.force[None])[0],
+        load_steps={kind: rows(force[None])[0] for kind, force in system.load_steps.items()},
         observe=csr_matrix(rows(system.observe.toarray())),
         at_point=None if more is None else csr_matrix(rows(more.toarray())),
         parts=change.parts(system.parts),

@@ -146,6 +146,7 @@ def _behind(system: System, waves: Waves, B: csr_matrix, carried: Floats) -> Sys
         B=_widened(system.B, m),
         load=dry if isinstance(system.load, csr_matrix) else dry.toarray(),
         force=np.concatenate([system.force, np.zeros(m)]),
+        load_steps={kind: np.append(force, np.zeros(m)) for kind, force in system.load_steps.items()},
         observe=_widened(system.observe, m),
         parts=system.parts | {"reservoir": slice(n, n + m)},
         diagonal=False,

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from romdam.core.scene import Block, Hydrostatic, Ints, Scene
+from romdam.core.scene import LOAD_KINDS, Block, Hydrostatic, Ints, Scene
 from romdam.fem.assembly import assemble_mass, inertia
 from romdam.geometry.elements import ELEMENTS, Floats, Rule, facet_element, jacobians, simplex_rule
 from romdam.geometry.facets import area_elements, area_vectors, below
@@ -37,24 +37,32 @@ def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
 
 
 def surface_force(scene: Scene, block: str) -> Floats:
-    """Nodal force of everything but weight on a block, (n, 3) [N].
+    """Nodal force of everything but weight on a block, (n, 3) [N]."""
+    return np.asarray(sum(surface_forces(scene, block).values(), np.zeros_like(scene.blocks[block].points)))
 
-    Pressure, still water, point forces, a change of temperature, and what comes with the block's matrices.
+
+def surface_forces(scene: Scene, block: str, *, thermal: bool = True) -> dict[str, Floats]:
+    """Kind of load -> its nodal force on a block but for weight, (n, 3) [N].
+
+    Pressure, still water, point forces, a change of temperature, and, as weight, what comes with the block's
+    matrices; kinds without a load on the block are left out.
     """
     points, matrices = scene.blocks[block].points, scene.blocks[block].matrices
-    force = np.zeros_like(points) if matrices is None else matrices.force.reshape(-1, 3).copy()
-    if block in scene.warmed:
-        force += thermal_force(scene.blocks[block], scene.warmed[block])
+    kinds = {kind: np.zeros_like(points) for kind in LOAD_KINDS}
+    if matrices is not None:
+        kinds["weight"] += matrices.force.reshape(-1, 3)
+    if thermal and block in scene.warmed:
+        kinds["temperature"] += thermal_force(scene.blocks[block], scene.warmed[block])
     for water in scene.water:
         if water.block == block:
-            force += hydrostatic_force(points, water)
+            kinds["water"] += hydrostatic_force(points, water)
     for load in scene.pressures:
         if load.block == block:
-            force += pressure_force(points, load.facets, load.value)
+            kinds["forces"] += pressure_force(points, load.facets, load.value)
     for point_force in scene.forces:
         if point_force.block == block:
-            force[point_force.node] += point_force.force
-    return force
+            kinds["forces"][point_force.node] += point_force.force
+    return {kind: force for kind, force in kinds.items() if force.any()}
 
 
 def pressure_force(points: Floats, facets: Ints, pressure: float) -> Floats:

@@ -49,13 +49,16 @@ class _Lines:
         return int(np.abs(self.z - elevation).argmin())
 
 
-def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], location: str) -> Dam:
+def gravity_dam(
+    config: GravityDamConfig, materials: dict[str, Material], location: str, *, absorbs: bool
+) -> Dam:
     """Mesh a gravity dam.
 
     Parameters
     ----------
     materials : by name
     location : file and key, for messages
+    absorbs : whether a viscous boundary takes up waves, so that rock has mass unless told otherwise
 
     Raises
     ------
@@ -77,7 +80,9 @@ def gravity_dam(config: GravityDamConfig, materials: dict[str, Material], locati
     blocks, numbers = {}, {}
     concrete = rock_material = materials[config.material]
     if config.rock is not None:
-        rock_material = materials[config.rock.material].with_mass(config.rock.mass)
+        rock_material = materials[config.rock.material].with_mass(
+            absorbs if config.rock.mass is None else config.rock.mass
+        )
     for n, name in enumerate(config.block_names):
         material = concrete if name in config.monolith_names else rock_material
         numbers[name], local = np.unique(cells[owner == n], return_inverse=True)

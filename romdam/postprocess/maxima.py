@@ -14,10 +14,12 @@ from romdam.core.scene import MOST_RING
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 
 INSTANT = "one instant"
+WRITTEN = "of the written rows"
 BELOW = "below"
 AS_DISPLACEMENT = "as the displacement"
 IN_RING = "all of it is in the ring"
 NOTES = {
+    WRITTEN: "the largest of the steps between them may be larger; a finer outputs.output_interval tells",
     INSTANT: "of an impact: depends on the step; a mean over the writing interval does not",
     BELOW: f"round-off, shown as 0: less than {ROUND_OFF:.0e} of the largest value of the unit",
     AS_DISPLACEMENT: "shown as 0: the displacement along this axis is round-off",
@@ -77,7 +79,8 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
     """Of a dam with joints the largest accelerations are those of impacts."""
     rows = []
     for name in ("displacement", "acceleration"):
-        note = INSTANT if name == "acceleration" and "joint" in dataset else ""
+        note = WRITTEN if _leaves_steps_out(dataset) else ""
+        note = INSTANT if name == "acceleration" and "joint" in dataset else note
         for axis in dataset.component.values if name in dataset else ():
             values = dataset[name].sel(component=axis)
             step, node = np.unravel_index(int(np.abs(values.values).argmax()), values.shape)
@@ -87,6 +90,26 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
                 where, when = str(values.node.values[node]), f"{float(values.time[step]):.3f}"
                 rows.append(Row(f"{name} {axis}", value, unit, where, when, note))
     return rows
+
+
+def _leaves_steps_out(dataset: xr.Dataset) -> bool:
+    """Whether the run has steps between its written rows; that of an older result is not known."""
+    step = float(dataset.attrs.get("solver_base_step", np.inf))
+    return (
+        "time" in dataset
+        and dataset.time.size > 1
+        and float(dataset.time[1] - dataset.time[0]) > (1.0 + 1e-9) * step
+    )
+
+
+def peak_ground_acceleration(dataset: xr.Dataset) -> xr.DataArray:
+    """Largest ground acceleration along each axis over all steps, (component,) [m/s2].
+
+    Of a result of an earlier version over its written rows.
+    """
+    if "peak_ground_acceleration" in dataset:
+        return dataset.peak_ground_acceleration
+    return abs(dataset.ground_acceleration).max("time")
 
 
 def _joints(dataset: xr.Dataset) -> list[Row]:
@@ -205,8 +228,6 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
         for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
             met = of_face.acceptance.sel(stress_basis=basis)
             words = (verdict(met.sel(dam_kind=kind).values) for kind in LIMITS)
-            if np.isnan(of_face.face_principal_stress).all():
-                words = ("not judged: all of it is in the ring" for _ in LIMITS)
             rows.append((*about, str(basis), *words))
             about = ("",) * len(about)
         if "acceptance" not in dataset:

@@ -10,34 +10,45 @@ resultant.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import json
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
+from romdam.core.arrays import Floats
 from romdam.core.system import OPEN
 
-STABLE, NOT_STABLE, NO_EQUILIBRIUM = "stable", "not stable", "no equilibrium"
+STABLE, NOT_STABLE, NO_EQUILIBRIUM, NOT_FOUND = "stable", "not stable", "no equilibrium", "not found"
+_UPRIGHT = 1e-3  # vertical part of a joint's normal, from which on one of its blocks stands on the other
+_END = 1e-6  # of a joint's length: gaps so near to the end are at its toe
 Row = tuple[str, ...]
 HEAD: Row = (
     "record", "joint", "verdict", "factor", "required", "shear [MN]", "compression [MN]", "water [MN]",
-    "resultant [share of length]", "open [% of area]", "intact bond [% of area]", "slip left [mm]",
+    "resultant [share of length from the heel]", "it is", "toe pressure [MPa]", "cracked length [m]",
+    "open [% of area]", "intact bond [% of area]", "slip left [mm]",
+)  # fmt: skip
+FORCES_HEAD: Row = (
+    "record", "body", "of", "F_x [MN]", "F_y [MN]", "F_z [MN]", "M_x [MN m]", "M_y [MN m]", "M_z [MN m]",
+    "left [share of the forces]",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class JointStability:
-    """A joint at rest.
+    """A joint at rest, or several that share a load.
 
     Attributes
     ----------
     record, joint : names
     factor, required : of safety against sliding
-    shear, compression, water : resultants: shear along the joint, contact pressure, water in the joint [N]
-    resultant : where the contact pressure's resultant stands along the direction in which the joint would
-        slide: 0 at the end behind (the heel of a dam pushed downstream), 1 at the end ahead (its toe); NaN
-        without shear
+    shear, compression, water : resultants: shear along the joint, contact pressure, water in the joint and in
+        its cracks [N]
+    resultant : where the contact pressure's resultant stands along the direction in which the block that
+        stands on the other would slide: 0 at the heel, 1 at the toe; NaN without shear, and of several joints
+    toe_pressure : mean contact pressure of the gaps at the toe [Pa]; NaN where `resultant` is
+    cracked_length : of the joint's length, the part that is open [m]; NaN where `resultant` is
     open_share, bonded_share : of the joint's area
     slip : mean over the joint since its first state [m]
     """
@@ -50,6 +61,8 @@ class JointStability:
     compression: float
     water: float
     resultant: float
+    toe_pressure: float
+    cracked_length: float
     open_share: float
     bonded_share: float
     slip: float
@@ -59,11 +72,24 @@ class JointStability:
         """Whether the factor reaches what is required."""
         return STABLE if not self.factor < self.required else NOT_STABLE
 
+    @property
+    def location(self) -> str:
+        """Where the resultant stands, in words."""
+        if np.isnan(self.resultant):
+            return "-"
+        from_middle = abs(self.resultant - 0.5)
+        if from_middle <= 1.0 / 6.0 + 1e-9:
+            return "in the kern (middle third)"
+        end = "toe" if self.resultant > 0.5 else "heel"
+        if from_middle <= 0.25:
+            return f"in the middle half, towards the {end}"
+        return f"in the base, near the {end}" if from_middle <= 0.5 else f"outside the base, beyond the {end}"
+
 
 def joint_stability(
     dataset: xr.Dataset, record: str, required: float, joints: Collection[str] | None
 ) -> list[JointStability]:
-    """Judge joints in the first state of a result, which is at rest.
+    """Judge joints in the first state of a result, which is at rest; then those on rock that share a load.
 
     Parameters
     ----------
@@ -71,42 +97,126 @@ def joint_stability(
     joints : names; None for all that carry shear
     """
     first, judged = dataset.isel(time=0), list[JointStability]()
-    for name in map(str, dataset.joint.values):
-        if (joints is not None and name not in joints) or "sliding_safety_factor" not in dataset:
-            continue
+    rock = set(json.loads(str(dataset.attrs.get("rock_blocks", "[]"))))
+    names = list(map(str, dataset.joint.values)) if "sliding_safety_factor" in dataset else []
+    names = [name for name in names if joints is None or name in joints]
+    for name in names:
         of_joint, gaps = first.sel(joint=name), first.isel(gap=dataset.gap_joint.values == name)
         area, position = gaps.gap_area.values, gaps.gap_position.values
         pressed = np.maximum(-gaps.normal_force.values, 0.0)
         shear = np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
+        normal = area @ gaps.gap_normal.values / area.sum()
         size, whole = float(np.linalg.norm(shear)), float(pressed.sum())
-        resultant = np.nan
+        open_share = float(area[gaps.joint_state.values == OPEN].sum() / area.sum())
+        resultant, toe_pressure, cracked = np.nan, np.nan, np.nan
         if size > 0.0 and whole > 0.0:
-            along = position @ (-shear / size)  # the joint's shear on block J holds it back
-            length = float(np.ptp(along))
-            resultant = float((pressed @ along / whole - along.min()) / length) if length else np.nan
-        water = 0.0
-        if "water_force" in first:
-            water = float(np.linalg.norm(of_joint.water_force.values))
+            # the joint's shear holds back the block that stands on the other: J, or I against its sign
+            on_J = _stands_on_J(normal, [str(block) for block in of_joint.joint_blocks.values], rock)
+            along = position @ (-shear / size if on_J else shear / size)
+            low, length = float(along.min()), float(np.ptp(along))
+            if length > 0.0:
+                resultant = float((pressed @ along / whole - low) / length)
+                toe = along >= along.max() - _END * length
+                toe_pressure = float(pressed[toe].sum() / area[toe].sum())
+                cracked = open_share * length
+        water = float(np.linalg.norm(_water(of_joint, gaps)))
         bonded = float(of_joint.bonded_area) if "bonded_area" in first else 0.0
         slip = gaps.slip.values
         mean_slip = np.einsum("g,gj,gjx->x", area, slip, gaps.gap_tangent.values) / area.sum()
-        factor = float(of_joint.sliding_safety_factor)
         judged.append(
             JointStability(
                 record=record,
                 joint=name,
-                factor=factor,
+                factor=float(of_joint.sliding_safety_factor),
                 required=required,
                 shear=size,
                 compression=whole,
                 water=water,
                 resultant=resultant,
-                open_share=float(area[gaps.joint_state.values == OPEN].sum() / area.sum()),
+                toe_pressure=toe_pressure,
+                cracked_length=cracked,
+                open_share=open_share,
                 bonded_share=bonded / float(area.sum()),
                 slip=float(np.linalg.norm(mean_slip)),
             )
         )
-    return judged
+    return [*judged, *_groups(first, judged, rock)]
+
+
+def _water(of_joint: xr.Dataset, gaps: xr.Dataset) -> Floats:
+    """(3,) resultant of the water in a joint and in its cracks on block J [N]."""
+    water = np.zeros(3) if "water_force" not in of_joint else of_joint.water_force.values
+    if "crack_water_force" in gaps:
+        water = water + gaps.crack_water_force.values @ gaps.gap_normal.values
+    return np.asarray(water)
+
+
+def _stands_on_J(normal: Floats, blocks: Sequence[str], rock: Collection[str]) -> bool:
+    """Whether block J stands on block I, by the normal from I to J; beside each other J is no rock."""
+    if abs(normal[2]) > _UPRIGHT:
+        return bool(normal[2] > 0.0)
+    return not (blocks[1] in rock and blocks[0] not in rock)
+
+
+def _groups(
+    first: xr.Dataset, judged: Sequence[JointStability], rock: Collection[str]
+) -> list[JointStability]:
+    """Joints to rock of blocks that joints hold together: they slide as one, and share the load."""
+    blocks = {
+        str(name): [str(b) for b in first.joint_blocks.sel(joint=name).values] for name in first.joint.values
+    }
+    group = {name: name for pair in blocks.values() for name in pair if name not in rock}
+
+    def root(name: str) -> str:
+        while group[name] != name:
+            name = group[name]
+        return name
+
+    for one, other in blocks.values():
+        if one in group and other in group:
+            group[root(one)] = root(other)
+    members = dict[str, list[JointStability]]()
+    for joint in judged:
+        dam = [name for name in blocks[joint.joint] if name in group]
+        if len(dam) == 1:
+            members.setdefault(root(dam[0]), []).append(joint)
+    found = list[JointStability]()
+    for several in members.values():
+        if len(several) < 2:
+            continue
+        names = [joint.joint for joint in several]
+        strength, shear = 0.0, np.zeros(3)
+        for name in names:
+            gaps = first.isel(gap=first.gap_joint.values == name)
+            of_joint, sign = first.sel(joint=name), 1.0 if blocks[name][1] in group else -1.0
+            shear += sign * np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
+            strength += float(of_joint.joint_shear_strength.values.min())
+        size = float(np.linalg.norm(shear))
+        area = np.array(
+            [float(first.gap_area.values[first.gap_joint.values == name].sum()) for name in names]
+        )
+
+        def mean(values: Sequence[float], weights: Floats = area) -> float:
+            return float(np.average(values, weights=weights))
+
+        found.append(
+            JointStability(
+                record=several[0].record,
+                joint=" + ".join(names),
+                factor=strength / size if size > 0.0 and np.isfinite(strength) else np.nan,
+                required=several[0].required,
+                shear=size,
+                compression=sum(joint.compression for joint in several),
+                water=sum(joint.water for joint in several),
+                resultant=np.nan,
+                toe_pressure=np.nan,
+                cracked_length=np.nan,
+                open_share=mean([joint.open_share for joint in several]),
+                bonded_share=mean([joint.bonded_share for joint in several]),
+                slip=mean([joint.slip for joint in several]),
+            )
+        )
+    return found
 
 
 def stability_row(joint: JointStability) -> Row:
@@ -119,7 +229,24 @@ def stability_row(joint: JointStability) -> Row:
         f"{joint.required:.4g}",
         *(f"{1e-6 * force:.5g}" for force in (joint.shear, joint.compression, joint.water)),
         "-" if np.isnan(joint.resultant) else f"{joint.resultant:.3f}",
+        joint.location,
+        "-" if np.isnan(joint.toe_pressure) else f"{1e-6 * joint.toe_pressure:.4g}",
+        "-" if np.isnan(joint.cracked_length) else f"{joint.cracked_length:.4g}",
         f"{100.0 * joint.open_share:.3g}",
         f"{100.0 * joint.bonded_share:.3g}",
         f"{1e3 * joint.slip:.4g}",
     )
+
+
+def force_rows(dataset: xr.Dataset, record: str) -> list[Row]:
+    """Rows under `FORCES_HEAD`: what acts on the dam and its bodies at rest; none where that is not known."""
+    rows = []
+    for name in map(str, dataset.body.values) if "loads_at_rest" in dataset else ():
+        body = dataset.sel(body=name)
+        kinds = {kind: body[f"{kind}_at_rest"].values for kind in ("loads", "joints", "supports")}
+        least = 1e-9 * max(float(np.abs(values).max()) for values in kinds.values())
+        for kind, values in kinds.items():
+            shown = np.where(np.abs(values) < least, 0.0, values)
+            left = f"{float(body.imbalance_at_rest):.1e}" if kind == "loads" else ""
+            rows.append((record, name, kind, *(f"{1e-6 * value:.6g}" for value in shown), left))
+    return rows

@@ -132,14 +132,11 @@ def _thrust(thrust: ThrustConfig, run: xr.Dataset | None, count: int, location: 
                 f"{location}.on: joint {name!r} is between {between[0]!r} and {between[1]!r}, not on "
                 f"{thrust.on!r}; name one of these, or another joint"
             )
-        gaps = run.isel(gap=run.gap_joint.values == name)
-        # on block J: the compression along the normal from I to J, and the shear
-        on_J = -gaps.normal_force.transpose("time", "gap").values @ gaps.gap_normal.values
-        if "shear_force" in gaps:
-            shear = gaps.shear_force.transpose("time", "gap", "tangent").values
-            on_J = on_J + np.einsum("tgj,gjx->tx", shear, gaps.gap_tangent.values)
-        if "water_force" in run:
-            on_J = on_J + run.water_force.sel(joint=name).values
+        if "joint_force" not in run:
+            raise ConfigError(
+                f"{location}.joints: the result of an earlier version has no joint_force; run it again"
+            )
+        on_J = run.joint_force.sel(joint=name).transpose("time", "component").values
         force += on_J if thrust.on == between[1] else -on_J
     for name in thrust.sections or ():
         known = [str(section) for section in run.section.values] if "section" in run else []

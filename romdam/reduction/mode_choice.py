@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from romdam.config.sections.job import ModelConfig
 from romdam.core.errors import ReductionError
@@ -48,6 +48,19 @@ class ModeChoice:
     def columns(self) -> int:
         """Estimated number of solutions that modes and residual vectors need."""
         return 4 * self.expected_modes + self.residual_vectors
+
+    def with_rigid_motions(self, number: int) -> ModeChoice:
+        """Return a choice that keeps at least the lowest modes of a part that are rigid motions.
+
+        Without one of them what joints alone hold would not be in balance, whatever the static answers.
+
+        Parameters
+        ----------
+        number : of rigid motions that supports, and retained DOFs, leave
+        """
+        if self.count is None:  # they are below every cut-off
+            return self
+        return replace(self, count=max(self.count, number))
 
     def report(self) -> dict[str, object]:
         """Return what a report says of the choice, as plain values."""

@@ -68,13 +68,13 @@ def assemble_block_loads(
     none = {name: np.zeros((block.points.size, 0)) for name, block in blocks.items()}
     pressed = dict(none)
     for effect in effects:
-        loads = {} if effect is static or effect is carried else effect.static_loads(moving)
+        loads = {} if effect is carried else effect.static_loads(moving)
         width = max((load.shape[1] for load in loads.values()), default=0)
         for name, before in pressed.items():
             pressed[name] = np.hstack([before, loads.get(name, np.zeros((len(before), width)))])
     return BlockLoads(
         operators=operators,
-        forces=dict(static.surface),
+        forces=static.surface,
         pressed=pressed,
         directions=directions,
         carried=none if carried is None else carried.inertia,
@@ -85,13 +85,14 @@ def assemble_block_loads(
 def with_loads_of(loads: BlockLoads, scene: Scene) -> BlockLoads:
     """The loads with static loads, stages and pressures of the water of the scene at another level."""
     static, water, stages = static_loads(scene), added_mass(scene), construction(scene)
-    pressed = dict(loads.pressed)
+    pressed, kinds = dict(loads.pressed), static.static_loads(None)
     more = {} if water is None else water.static_loads(None)
     width = max((load.shape[1] for load in more.values()), default=0)
     for name, before in pressed.items():
         pressure = more.get(name, np.zeros((len(before), width)))
         built = np.zeros((len(before), 0)) if stages is None else stages.surface[name]
-        pressed[name] = np.hstack([before, static.surface[name][:, None], pressure, built])
+        forces = np.column_stack([static.surface[name], kinds[name]])
+        pressed[name] = np.hstack([before, forces, pressure, built])
     return replace(loads, pressed=pressed)
 
 

@@ -37,6 +37,12 @@ def upstream_of(config: Config, scene: Scene) -> Floats | None:
     return None if config.dam is None else _OF_DAMS
 
 
+def water_at_rest(scene: Scene, history: History) -> Floats:
+    """(ng,) force of the water in the gaps at rest [N]."""
+    force = np.concatenate([np.zeros(0), *(joint.water for joint in scene.joints.values())])
+    return np.asarray(force if history.uplift is None else force + history.uplift.added)
+
+
 @dataclass(frozen=True)
 class Case:
     """One computed ground motion, from which every variable follows.
@@ -96,6 +102,10 @@ class Case:
         """Tell whether there are output nodes."""
         return bool(self.scene.probes)
 
+    def is_balanced(self) -> bool:
+        """Tell whether the run begins at rest, where the forces balance."""
+        return self.history.balance is not None
+
     def has_moving_supports(self) -> bool:
         """Tell whether supports move differently from the base."""
         return self.scene.moving is not None
@@ -151,8 +161,15 @@ class Case:
     @property
     def water_at_rest(self) -> Array:
         """(ng,) force of the water in the gaps at rest [N]."""
-        added = 0.0 if self.history.uplift is None else self.history.uplift.added
-        return np.asarray(self.of_gaps("water") + added)
+        return water_at_rest(self.scene, self.history)
+
+    @property
+    def joint_force(self) -> Array:
+        """(nt, joints, 3) contact and water that press on block J of each joint, along x, y, z [N]."""
+        force, axes = self.history.traction, self.of_gaps("axes")
+        on_J = np.einsum("tgd,gdx->tgx", force, axes[:, : force.shape[2]], optimize=True)
+        water = self.water_at_rest + (self.history.water if self.history.water.size else 0.0)
+        return self.joint_sums(on_J + water[..., None] * axes[:, 0])
 
     def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
         """`reduce` applied to the gaps of each joint."""

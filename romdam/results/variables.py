@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
-from romdam.core.system import ENERGY_TERMS, STATES, BuiltStages
+from romdam.core.system import ENERGY_TERMS, STATES, BuiltStages, RestBalance
 from romdam.results.case import Array, Attributes, Case, Variable
 from romdam.results.floor_variables import FLOOR_COORDINATES, FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_VARIABLES
@@ -91,6 +91,29 @@ def _built(case: Case) -> BuiltStages:
     """The joints in the stages of construction."""
     assert case.history.built is not None  # what `Case.was_built` tells
     return case.history.built
+
+
+def _balance_of(case: Case) -> RestBalance:
+    """The balance of the forces at rest."""
+    assert case.history.balance is not None  # what `Case.is_balanced` tells
+    return case.history.balance
+
+
+_BALANCED = {
+    "loads": "static loads on the body",
+    "joints": "forces of joints on the body, with the water in them",
+    "supports": "forces of supports and springs on the body",
+}
+
+
+def _balance(kind: str, text: str) -> Variable:
+    return Variable(
+        ("body", "resultant"),
+        "1",
+        f"{text} at rest: resultant [N], and moment about body_middle [N m]",
+        lambda case: getattr(_balance_of(case), kind),
+        Case.is_balanced,
+    )
 
 
 COORDINATES: dict[str, Variable] = {
@@ -183,6 +206,27 @@ COORDINATES: dict[str, Variable] = {
         lambda c: np.array(_built(c).names, dtype=str),
         Case.was_built,
     ),
+    "body": Variable(
+        ("body",),
+        "",
+        "body at rest: the dam, then blocks, those that are tied as one",
+        lambda c: np.array(_balance_of(c).names, dtype=str),
+        Case.is_balanced,
+    ),
+    "resultant": Variable(
+        ("resultant",),
+        "",
+        "component of a resultant: force and moment",
+        lambda c: np.array(["F_x", "F_y", "F_z", "M_x", "M_y", "M_z"], dtype=str),
+        Case.is_balanced,
+    ),
+    "body_middle": Variable(
+        ("body", "component"),
+        "m",
+        "middle of the body, about which its moments are",
+        lambda c: _balance_of(c).about,
+        Case.is_balanced,
+    ),
     "support": Variable(
         ("support",),
         "",
@@ -249,6 +293,22 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.joint_sums((c.water_at_rest[:, None] * c.of_gaps("axes")[:, 0])[None])[0],
         Case.has_water_in_joints,
     ),
+    "joint_force": Variable(
+        ("time", "joint", "component"),
+        "N",
+        "force that passes through the whole joint to block J: contact, water_force, and the water that "
+        "entered its cracks; block I has the opposite",
+        lambda c: c.joint_force,
+        lambda c: c.has_joints(),  # results of before 0.2 have none
+    ),
+    **{f"{kind}_at_rest": _balance(kind, text) for kind, text in _BALANCED.items()},
+    "imbalance_at_rest": Variable(
+        ("body",),
+        "1",
+        "what the forces at rest on the body leave, of the sum of their sizes",
+        lambda c: _balance_of(c).left,
+        Case.is_balanced,
+    ),
     "construction_opening": Variable(
         ("construction_stage", "gap"),
         "m",
@@ -305,6 +365,13 @@ VARIABLES: dict[str, Variable] = {
         "m s-2",
         "ground acceleration of the base, as integrated",
         lambda case: case.history.ground,
+    ),
+    "peak_ground_acceleration": Variable(
+        ("component",),
+        "m s-2",
+        "largest ground acceleration of the base along the axis, either sign, over all steps",
+        lambda c: c.history.ground_peak,
+        lambda c: c.history.ground_peak.size > 0,
     ),
     "applied_force": Variable(
         ("time", "force_history"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from romdam.config.effects import has_viscous_boundary
 from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.loads import InitialStateConfig
@@ -66,11 +67,11 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     """
     refuse_large(config, source)
     materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
-    dam = Dam({}, (), {}, frozenset())
+    dam, absorbs = Dam({}, (), {}, frozenset()), has_viscous_boundary(config)
     if config.gravity_dam:
-        dam = gravity_dam(config.gravity_dam, materials, f"{source}: gravity_dam")
+        dam = gravity_dam(config.gravity_dam, materials, f"{source}: gravity_dam", absorbs=absorbs)
     elif config.arch_dam:
-        dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam")
+        dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam", absorbs=absorbs)
     files = MeshFiles(folder)
     blocks = dam.blocks | _blocks(config, materials, files, dam.blocks, source)
     rock = rock_of(config.ground, dam.viscous)
@@ -146,6 +147,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
+        load_order=config.loads.order,
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source),
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"

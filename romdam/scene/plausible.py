@@ -68,6 +68,7 @@ def odd_remarks(
         if tie.apart > _BRIDGED
     ]
     remarks += _unjoined(scene)
+    remarks += _heavy_rock(scene)
     rigid = [
         name
         for name, change in scene.warmed.items()
@@ -103,6 +104,25 @@ def odd_remarks(
                 "rock deeper down does; let the reservoir reach three depths upstream"
             )
     return (*remarks, *_added_up(scene))
+
+
+def _heavy_rock(scene: Scene) -> list[str]:
+    """Rock with mass on a fixed base, shaken as its surface was."""
+    if scene.free_field is not None or any(block.absorbing for block in scene.blocks.values()):
+        return []
+    heavy = [
+        name
+        for name in scene.blocks
+        if name in scene.excluded_from_gravity
+        and scene.blocks[name].material.rho > 0.0
+        and scene.fixed[name].any()
+    ]
+    if not heavy:
+        return []
+    return [
+        f"blocks: rock {listed(heavy)} has mass on a fixed base, and amplifies a record made at its surface "
+        "(2.5 times on an arch dam) and reflects the dam's waves; give it `mass: false`, or viscous faces"
+    ]
 
 
 def _material(name: str, material: Material) -> list[str]:

@@ -49,15 +49,21 @@ def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
 
 def error_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     """Estimated errors of the openings, a row for each record and joint; none where nothing is estimated."""
-    head = ("modes, L2 [%]", "modes, peak, at most [%]", "steps, all joints, L2 [%]")
+    from romdam.error.statement import opening_errors
+    from romdam.postprocess.stated_errors import total_text
+
+    parts = "steps", "mesh"
+    head = ("modes, L2 [%]", "modes, peak, at most [%]", *(f"{part}, all joints, L2 [%]" for part in parts))
+    head = (*head, "total, all joints, at most, L2")
     table = _table("Estimated error of the openings", ("record", "joint"), head)
     for record, dataset in results.items():
-        of_steps = dataset.attrs.get("solver_estimated_time_error")
-        steps = "-" if of_steps is None else f"{100 * float(of_steps):.2g}"
-        for joint in dataset.joint.values if "estimated_error_l2" in dataset else ():
-            row = dataset.sel(joint=joint)
-            errors = (row.estimated_error_l2, row.estimated_error_peak)
-            table.add_row(record, str(joint), *(f"{100 * float(value):.2g}" for value in errors), steps)
+        stated = opening_errors(dataset.attrs)
+        of_all = [f"{100 * stated[part]:.2g}" if part in stated else "unknown" for part in parts]
+        of_all.append(total_text(stated))
+        for joint in dataset.joint.values if stated and "joint" in dataset else ():
+            names, row = ("estimated_error_l2", "estimated_error_peak"), dataset.sel(joint=joint)
+            of_modes = [f"{100 * float(row[name]):.2g}" if name in row else "unknown" for name in names]
+            table.add_row(record, str(joint), *of_modes, *of_all)
     return [table] if table.row_count else []
 
 
@@ -90,6 +96,16 @@ def stability_table(rows: Sequence[Sequence[str]]) -> Table:
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def rest_forces_table(rows: Sequence[Sequence[str]]) -> list[Table]:
+    """Forces and moments on the dam and its bodies at rest; none where no rows are."""
+    from romdam.postprocess.stability import FORCES_HEAD
+
+    table = _table("Forces at rest", FORCES_HEAD[:3], FORCES_HEAD[3:])
+    for row in rows:
+        table.add_row(*row)
+    return [table] if table.row_count else []
 
 
 def maxima_table(dataset: xr.Dataset) -> Table:

@@ -67,7 +67,7 @@ def constructed(system: System, tolerance: float) -> System:
         try:
             displacement, gaps = static_equilibrium(replace(part, force=load), tolerance)
         except ConvergenceError as error:
-            raise ConvergenceError(f"construction, stage {quote(stage)}: {error}") from None
+            raise type(error)(f"construction, stage {quote(stage)}: {error}") from None
         kept = whole[present]
         if len(gaps.accumulated_slip):
             slipped[holds] = gaps.accumulated_slip[kept]
@@ -105,6 +105,7 @@ def constructed(system: System, tolerance: float) -> System:
         law=replace(after, uplift=law.uplift),
         point_shift=None if system.at_point is None else shift.ravel(),
         construction=None,
+        load_steps={},  # the stages have been their path
         built=BuiltStages(plan.names, opening, force, plan.grouted),
     )
 
@@ -159,5 +160,5 @@ def _of_gaps(system: System, law: GapLaw, gaps: Bools) -> System:
         slipped=law.slipped[gaps] if len(law.slipped) else law.slipped,
         memory=law.memory[:, gaps] if law.memory.size else law.memory,
     )
-    less = replace(system, B=system.B[rows], law=part, at_point=None, pseudo_static=None)
+    less = replace(system, B=system.B[rows], law=part, at_point=None, pseudo_static=None, load_steps={})
     return with_parameters(less, part, None)

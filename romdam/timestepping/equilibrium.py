@@ -1,19 +1,22 @@
 """Nonlinear static equilibrium under the static loads, by the gap-space problem.
 
-K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a block K is singular; then
-the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its fixed points are
-the equilibria, each iteration is the same gap-space problem, and motion that no force drives stays put.
+**The path.** Friction, bonds and cracks remember, so a state at rest depends on how the loads came. They are
+applied kind by kind in the order of the scene (`System.load_steps`), each in one increment from the state
+before. Over an increment the joints' memory stands still: slip is the return to the cone of the whole
+increment, and is committed at its end. So the state depends on the loads and their order, and not on axes, on
+the order of blocks and joints, on masses, or on how the solver gets there. An increment whose equilibrium is
+not found is halved.
 
-With friction in planes that meet, the whole load at once may be more than Newton can sort into what sticks
-and what slides (three monoliths on three bases and two joints: residual 0.004 at 0.5 and 1.5 Hz, 10
-iterations at 3 Hz). A larger s lets the blocks follow the load in smaller steps, the slip carried along
-as in a quasi-static loading; so s grows where a step does not converge, and shrinks where several have.
+**The solver.** K q = f + B^T p with p the gaps' law at B q. Where nothing but joints holds a block K is
+singular; then the proximal point iteration (K + s M)(q' - q) = f + B^T p' - K q is taken until q rests. Its
+fixed points are the equilibria, each iteration is the same gap-space problem with the memory of the
+increment's start, and motion that no force drives stays put. s grows where a step does not converge, and
+shrinks where several have.
 
 Gaps that are rigid in meeting planes determine each other (where three blocks meet, two jumps give the
 third), and W is singular. Then the iteration is proximal in the forces too: W + c I, with -c p of the last
 iteration on the other side, water that entered included: a compliance against changes of the force alone.
-What sticks gives by c times its shear on the way, 1e-4 of what the structure gives, and sticks where it is;
-at rest every law holds exactly.
+At rest every law holds exactly.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from romdam.contact.softening import law_energies, put_limits, refuse_failed_law
 from romdam.contact.solvers.state import forget_product, make_hasty, solver_state
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.recorded import GapArrays, new_gap_arrays
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
@@ -43,10 +46,14 @@ from romdam.timestepping.settings import Settings, Start
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _GROWTH, _CALM, _SHRINK = 16.0, 4, 0.25  # of it: where a step fails, and after so many that did not
 _MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer move
-_MAX_ITERATIONS = 2000  # of the static iteration; limit
+_MAX_ITERATIONS = 500  # of the static iteration in an increment; limit
+_HALVINGS = 4  # of an increment whose equilibrium is not found
+_MOST_WATER = 200  # equilibria of an increment, until the gaps keep the water that has entered
 _DOUBTFUL = 30  # iterations, most scenes rest within 10, after which limit analysis is asked
-_REST = 1e-9  # relative change of q that counts as rest, or 100 times the gaps' tolerance
+_REST = 1e-9  # relative change of q that counts as rest, or 10 times the gaps' tolerance
 _NO_MOTION = 1e-12  # [m] largest coordinate of q below which rest is not relative to it
+_HISTORY = 1  # of what an increment commits: where the memory of the further laws stands
+_ROUND_OFF = 1e-13  # of the displacement without joint force, of which q is a small difference
 _SINGULAR = 1e-9  # of W's diagonal: a smaller part of W does not tell forces apart
 _YIELDING = 1e-4  # of W's mean diagonal, the proximal compliance where W is singular
 _TIGHT = 1e-12  # residual asked of the gap-space problem, so that the iteration can converge
@@ -254,13 +261,14 @@ def rest_shift(system: System) -> float:
 
 
 def static_equilibrium(
-    system: System, tolerance: float, steps: dict[float, ProximalStep] | None = None
+    system: System, tolerance: float, steps: dict[float, ProximalStep] | None = None, *, reverse: bool = False
 ) -> tuple[Floats, GapState]:
-    """Find the equilibrium under the static loads, starting from the undeformed state.
+    """Find the equilibrium under the static loads, applied in their order from the undeformed state on.
 
     Parameters
     ----------
     steps : factored for a system that differs in its static force at most; gains those of this one
+    reverse : whether the loads come in the reversed order
 
     Returns
     -------
@@ -268,66 +276,154 @@ def static_equilibrium(
 
     Raises
     ------
+    NoEquilibriumError
+        where no forces of the joints can hold a block.
     ConvergenceError
-        where there is no equilibrium (a block that the joints cannot hold), or the gaps do not converge.
+        where no equilibrium is found.
     """
     if _rests_unloaded(system):
         return _unloaded(system)
-    least, rest, calm = rest_shift(system), max(_REST, 100.0 * tolerance), 0
-    steps = {} if steps is None else steps
-
-    def factored(shift: float) -> ProximalStep:
-        if shift not in steps:
-            steps[shift] = ProximalStep.factored(system, shift)
-        return steps[shift]
-
-    step, (q, gaps) = factored(least), _unloaded(system)
-    memory = gap_memory(step.problem)
-    if system.law.remembers:
-        take_over(memory, gaps)
-        if step.shift > 0.0:
-            q = step.displaced(gaps)
-    for iteration in range(_MAX_ITERATIONS):
-        if iteration == _DOUBTFUL:
-            _refuse_collapse(system, step.problem)
-        free = step.factor.solve(system.force + step.shift * (system.M @ q))
-        shift, hasty = step.shift, step.shift < _MOST_SHIFT
+    search = _Search(system, tolerance, {} if steps is None else steps)
+    before = np.zeros(system.size)
+    for force in load_path(system, reverse=reverse):
         try:
-            gaps, unsettled = step.solve(memory, gaps, np.asarray(system.B @ free), tolerance, hasty)
-        except ConvergenceError:
-            if not hasty:
-                _refuse_collapse(system, step.problem)
+            search.load(before, force)
+        except NoEquilibriumError:
+            if force is system.force:
                 raise
-            calm, shift = 0, max(_GROWTH * step.shift, _SHIFT)
-        else:
-            moved = free + step.X @ gaps.acting.ravel() - q
-            q, calm = q + moved, calm + 1
-            slowed, size = max(step.shift / _SHIFT, 1.0), max(np.abs(q).max(), _NO_MOTION)
-            rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= rest * size
-            if rests and unsettled <= rest and _keeps_water(step.problem, memory, gaps):
-                return q, gaps
-            if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
-                shift = max(_SHRINK * step.shift, least, _SHIFT)
-        if shift != step.shift:  # another flexibility: go on from the last state with a fresh solver
-            step = factored(shift)
-            memory.force[:] = gaps.p_c
-            memory = memory._replace(solver=solver_state(len(gaps.jump), gaps.jump.shape[1] > 1))
-    if not _keeps_water(step.problem, memory, gaps):
+            continue  # held only with the loads that follow: they come together
+        before = force
+    return search.q, search.gaps
+
+
+def load_path(system: System, *, reverse: bool = False) -> list[Floats]:
+    """Static forces (n,) at the ends of the increments; one where the state depends on no path."""
+    parts = list(system.load_steps.values())
+    if len(parts) < 2 or (system.law.directions == 1 and not system.law.has_memory):
+        return [system.force]
+    sums = np.cumsum(parts[::-1] if reverse else parts, axis=0)
+    return [*sums[:-1], system.force]
+
+
+class _Search:
+    """The equilibrium of a system as its loads grow, and the memory of its gaps at the last increment's end.
+
+    Attributes
+    ----------
+    q, gaps : displacement and gaps at the end of the last increment
+    """
+
+    def __init__(self, system: System, tolerance: float, steps: dict[float, ProximalStep]) -> None:
+        self.system, self.tolerance, self._steps = system, tolerance, steps
+        self._least = rest_shift(system)
+        self.q, self.gaps = _unloaded(system)
+        first = self._factored(self._least)
+        self._memory = gap_memory(first.problem)
+        if system.law.remembers:
+            take_over(self._memory, self.gaps)
+            if first.shift > 0.0:
+                self.q = first.displaced(self.gaps)
+
+    def load(self, before: Floats, force: Floats, halvings: int = _HALVINGS) -> None:
+        """Go from the last increment's loads to others, in halves where their equilibrium is not found."""
+        kept = self._committed(), self._memory.force.copy()
+        try:
+            self._increment(force)
+        except NoEquilibriumError:
+            self._take_back(*kept)
+            raise
+        except ConvergenceError:
+            self._take_back(*kept)
+            if halvings == 0 or not (force != before).any():
+                raise
+            middle = 0.5 * (before + force)
+            self.load(before, middle, halvings - 1)
+            self.load(middle, force, halvings - 1)
+
+    def _increment(self, force: Floats) -> None:
+        """Find the equilibrium under a load, and again while water that has entered moves it."""
+        for _ in range(_MOST_WATER):
+            problem = self._settle(force)
+            if _keeps_water(problem, self._memory, self.gaps):
+                return
         raise ConvergenceError(
-            f"initial state: after {_MAX_ITERATIONS} iterations gaps still open and close with the water "
-            "that enters them; set loads.joint_water[].crack: redrawn, or loads.initial_state: undeformed"
+            f"initial state: after {_MOST_WATER} equilibria gaps still open and close with the water that "
+            "enters them; set loads.joint_water[].crack: redrawn, or loads.initial_state: undeformed"
         )
-    raise ConvergenceError(
-        f"initial state: no static equilibrium after {_MAX_ITERATIONS} iterations (the last still moved "
-        f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}); some block is held by joints alone and does "
-        "not come to rest on them: add a support, friction against sliding, weight against tipping, or set "
-        "loads.initial_state: undeformed"
-    )
+
+    def _settle(self, force: Floats) -> GapProblem:
+        """Find the equilibrium from the memory of the last increment; its problem of the gaps."""
+        system, memory, least = self.system, self._memory, self._least
+        rest, calm, step = max(_REST, 10.0 * self.tolerance), 0, self._factored(least)
+        committed, q, gaps = self._committed(), self.q, self.gaps
+        moved = np.zeros_like(q)
+        memory = self._memory = memory._replace(solver=_fresh_solver(gaps))
+        for iteration in range(_MAX_ITERATIONS):
+            if iteration == _DOUBTFUL:
+                _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
+            free = step.factor.solve(force + step.shift * (system.M @ q))
+            shift, hasty = step.shift, step.shift < _MOST_SHIFT
+            self._take_back(committed)
+            try:
+                gaps, unsettled = step.solve(memory, gaps, np.asarray(system.B @ free), self.tolerance, hasty)
+            except ConvergenceError:
+                if not hasty:
+                    _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
+                    raise
+                calm, shift = 0, max(_GROWTH * step.shift, _SHIFT)
+            else:
+                moved = free + step.X @ gaps.acting.ravel() - q
+                q, calm = q + moved, calm + 1
+                slowed, size = max(step.shift / _SHIFT, 1.0), max(np.abs(q).max(), _NO_MOTION)
+                least_move = max(rest * size, _ROUND_OFF * np.abs(free).max())
+                rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= least_move
+                if rests and unsettled <= rest:
+                    self.q, self.gaps = q, gaps
+                    return step.problem
+                if calm % _CALM == 0 and step.shift > max(least, _SHIFT):
+                    shift = max(_SHRINK * step.shift, least, _SHIFT)
+            if shift != step.shift:  # another flexibility: go on from the last state with a fresh solver
+                step = self._factored(shift)
+                memory.force[:] = gaps.p_c
+                memory = self._memory = memory._replace(solver=_fresh_solver(gaps))
+        _refuse_collapse(replace(system, force=force), step.problem, committed[_HISTORY])
+        raise ConvergenceError(
+            f"initial state: no equilibrium was found in {_MAX_ITERATIONS} iterations (the last still moved "
+            f"{np.abs(moved).max():.3g} of {np.abs(q).max():.3g}), which does not say that there is none; "
+            "add a support or friction to what joints alone hold, lower the loads, or set "
+            "loads.initial_state: undeformed"
+        )
+
+    def _factored(self, shift: float) -> ProximalStep:
+        if shift not in self._steps:
+            self._steps[shift] = ProximalStep.factored(self.system, shift)
+        return self._steps[shift]
+
+    def _committed(self) -> tuple[Floats, ...]:
+        """What an increment's end commits, as it is now."""
+        return tuple(values.copy() for values in self._committed_arrays)
+
+    def _take_back(self, committed: tuple[Floats, ...], force: Floats | None = None) -> None:
+        """Put back what an iteration has committed; and the force that the next one starts with."""
+        for values, kept in zip(self._committed_arrays, committed, strict=True):
+            values[:] = kept
+        if force is not None:
+            self._memory.force[:] = force
+
+    @property
+    def _committed_arrays(self) -> tuple[Floats, ...]:
+        memory = self._memory
+        # the history stands at `_HISTORY`
+        return memory.accumulated_slip, memory.history, memory.step, memory.last_step, memory.spring
 
 
-def _refuse_collapse(system: System, problem: GapProblem) -> None:
+def _fresh_solver(gaps: GapState) -> Any:
+    return solver_state(len(gaps.jump), gaps.jump.shape[1] > 1)
+
+
+def _refuse_collapse(system: System, problem: GapProblem, history: Floats) -> None:
     """Refuse loads on what floats that no forces of the joints balance, before the iteration is given up."""
-    collapse = find_collapse(system, problem)
+    collapse = find_collapse(system, problem, history)
     if collapse is None:
         return
     names = ", ".join(collapse.parts)
@@ -348,7 +444,7 @@ def _refuse_collapse(system: System, problem: GapProblem) -> None:
             "its loads pull it from its joints, and no friction helps; is gravity missing, or uplift too high"
         )
         remedy = "add weight, a support or a tensile_strength"
-    raise ConvergenceError(
+    raise NoEquilibriumError(
         f"initial state: no static equilibrium can be: {names}, held by joints alone, {collapse.kind}: "
         f"{why}; {remedy}, lower the loads, or set loads.initial_state: undeformed"
     )
@@ -404,7 +500,7 @@ class ProximalStep:
     def solve(
         self, memory: GapMemory, gaps: GapState, w_free: Floats, tolerance: float, hasty: bool
     ) -> tuple[GapState, float]:
-        """Solve for the gaps; and how far the proximal compliance still gives, of the largest jump.
+        """Solve for the gaps; and by how much the force to which it yields changes, of the largest.
 
         Parameters
         ----------
@@ -420,8 +516,8 @@ class ProximalStep:
         jump = new.jump - gives
         slip = jump[:, 1:] + self.problem.compliance.reshape(jump.shape)[:, 1:] * new.force[:, 1:]
         memory.accumulated_slip[:] = slip
-        share = float(np.abs(gives).max() / max(np.abs(jump).max(), 1e-300))
-        return replace(new, jump=jump, accumulated_slip=slip), share
+        change, size = np.abs(new.yielding_force - last).max(), np.abs(new.yielding_force).max()
+        return replace(new, jump=jump, accumulated_slip=slip), float(change / max(size, 1e-300))
 
 
 def _keeps_water(problem: GapProblem, memory: GapMemory, gaps: GapState) -> bool:
@@ -445,9 +541,9 @@ def _solve(problem: GapProblem, memory: GapMemory, w_free: Floats, tolerance: fl
     refuse_failed_law(problem, memory)
     if not residual <= tolerance:
         raise ConvergenceError(
-            f"initial state: the gaps did not reach equilibrium, relative residual {residual:.2g} "
-            f"above {tolerance:.2g}; lower the friction, give rigid joints a stiffness, "
-            "or set loads.initial_state: undeformed"
+            f"initial state: the solver of the gaps did not converge, relative residual {residual:.2g} "
+            f"above {tolerance:.2g}, which does not say that there is no equilibrium; lower the "
+            "friction, give rigid joints a stiffness, or set loads.initial_state: undeformed"
         )
     ends = new_gap_arrays(n, d)
     stored = commit_gaps(problem, memory, y, ends)[0]

@@ -16,7 +16,7 @@ import numpy as np
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import gap_memory
 from romdam.core.arrays import Bools, Floats
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import ConvergenceError, NoEquilibriumError
 from romdam.core.system import System, with_parameters
 from romdam.timestepping.equilibrium import static_equilibrium, system_gap_problem
 
@@ -45,12 +45,14 @@ def grouted(system: System, tolerance: float) -> System:
     stage = with_parameters(system, fluid, None)
     force = stage.B[:: stage.law.directions].T @ law.grout
     try:
-        q, gaps = static_equilibrium(replace(stage, force=np.asarray(force)), tolerance)
-    except ConvergenceError as error:
-        raise ConvergenceError(
+        q, gaps = static_equilibrium(replace(stage, force=np.asarray(force), load_steps={}), tolerance)
+    except NoEquilibriumError as error:
+        raise NoEquilibriumError(
             "joints: grouting_pressure acts before weight and water, and nothing holds the blocks; "
             f"lower it, or give the other joints cohesion or supports ({error})"
         ) from None
+    except ConvergenceError as error:
+        raise ConvergenceError(f"joints: grouting_pressure, before weight and water: {error}") from None
     filled = np.maximum(gaps.jump[:, NORMAL], 0.0) + law.grout / law.K_n
     after = replace(law, gap=law.gap - np.where(fills, filled, 0.0), grout=np.zeros(0))
     if d == 3:

@@ -36,6 +36,5 @@ def with_joint_state(system: System) -> System:
             then, both = kept.arrays["memory"][rows_then[key]], rows.on & kept.laws[key]
             memory[k, both, : then.shape[1]] = then[both, : memory.shape[2]]
     changed = bool(law.memory.size or (memory != start).any())
-    return replace(
-        system, law=replace(law, slipped=slipped, memory=memory if changed else np.zeros((0, 0, 0)))
-    )
+    remembered = replace(law, slipped=slipped, memory=memory if changed else np.zeros((0, 0, 0)))
+    return replace(system, law=remembered, load_steps={})  # the loads act since that run began

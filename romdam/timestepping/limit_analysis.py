@@ -55,13 +55,20 @@ class Collapse:
     parts: tuple[str, ...]
 
 
-def find_collapse(system: System, problem: GapProblem) -> Collapse | None:
-    """Find how what floats moves away under its loads; None where the joints might hold it."""
+def find_collapse(system: System, problem: GapProblem, history: Floats | None = None) -> Collapse | None:
+    """Find how what floats moves away under its loads; None where the joints might hold it.
+
+    Parameters
+    ----------
+    history : (L, n, s) what the joints' laws remember, such as bonds that are broken; None of unloaded gaps
+    """
     if problem.tension.any() or system.gyroscopic or not system.floating:
         return None
     R, names = _rigid_motions(system)
     motions, loads = np.asarray(R.T @ system.B.T.toarray()), np.asarray(R.T @ system.force)
     memory = gap_memory(problem)
+    if history is not None and history.size:
+        memory.trial[:] = memory.history[:] = history
     put_limits(problem, memory)
     limits = memory.limits
     moving = _mechanism(motions, loads, limits, 1.0)

@@ -18,6 +18,7 @@ from romdam.timestepping.energy import imbalance
 from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
+from romdam.timestepping.load_order import order_warnings
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.support_motion import add_support_motion
@@ -83,19 +84,29 @@ def simulate(
             system, written = simulation.prepared.system, settings.steps.stride
             history = add_support_motion(history, system, simulation.ground, written)
             stats = history.stats | {"ledger_imbalance": imbalance(history.energy)}
+            stats["base_step"] = settings.steps.base
             ground = simulation.ground[:3, ::written].T  # below it stands what moving supports do
             final = history.final
             if final is not None:
                 laws = {law_key(rows.law): rows.on for rows in every_law(system.law)}
                 final = replace(final, model=model_signature(system), laws=laws)
             forces = system.forces(simulation.ground)[:, ::written].T
+            ground_peak = np.abs(simulation.ground[:3]).max(axis=1, initial=0.0)
             history = replace(
-                history, stats=stats, gap=system.law.gap, ground=ground, forces=forces, final=final
+                history,
+                stats=stats,
+                gap=system.law.gap,
+                ground=ground,
+                ground_peak=ground_peak,
+                forces=forces,
+                final=final,
             )
             if system.uplift is not None:
                 stats["uplift_iterations"] = float(system.uplift.iterations)
                 warnings = (*history.warnings, *system.uplift.warnings)
                 history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
+            if on_path := order_warnings(simulation.prepared, settings):
+                history = replace(history, warnings=(*history.warnings, *on_path))
             if system.built is not None:
                 history = replace(history, built=system.built)
             if every_step:

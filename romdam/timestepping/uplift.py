@@ -20,7 +20,7 @@ from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.crack_water import EXCESS, CrackWater
 from romdam.contact.problem import every_law, law_memory
 from romdam.core.arrays import Bools, Floats
-from romdam.core.errors import ConvergenceError
+from romdam.core.errors import ConvergenceError, NoEquilibriumError
 from romdam.core.system import OPEN, GapLaw, LawSource, RestUplift, System
 from romdam.timestepping.equilibrium import GapState, ProximalStep, static_equilibrium
 
@@ -50,7 +50,6 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
         return system
     normal = system.B[:: law.directions].T
     earlier = np.zeros(len(law)) if system.uplift is None else system.uplift.added
-    force = np.asarray(system.force - normal @ earlier)
     start = {name: np.zeros(len(uplift.length)) for name, uplift in law.uplift.items()}
     closed = {name: uplift.force(start[name]) for name, uplift in law.uplift.items()}
     tips, found, moves, change, solved = start, start, list[Tips](), np.inf, 0
@@ -59,12 +58,13 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
     while solved < _MOST:
         solved += 1
         added = _added(law, tips, closed)
-        loaded = replace(system, force=np.asarray(force + normal @ added))
+        more = normal @ (added - earlier)
+        loaded = replace(system, force=np.asarray(system.force + more), load_steps=_with_water(system, more))
         try:
             _, gaps = static_equilibrium(loaded, tolerance, steps)
         except ConvergenceError as error:
             if tips is found:
-                raise ConvergenceError(_without_equilibrium(law, tips, error)) from None
+                raise type(error)(_without_equilibrium(law, tips, error)) from None
             tips, moves = found, []  # extrapolated too far
             continue
         found = _read_tips(law, gaps)
@@ -100,6 +100,12 @@ def with_uplift_at_rest(system: System, tolerance: float) -> System:
         law=replace(_law_while_shaken(law, gaps, tips), uplift={}),
         uplift=RestUplift(added, crack, solved, change, tuple(warnings)),
     )
+
+
+def _with_water(system: System, more: Floats) -> dict[str, Floats]:
+    """Steps of the loads, with more force (n,) in that of the water."""
+    steps = dict(system.load_steps)
+    return steps | {"water": steps["water"] + more} if "water" in steps else steps
 
 
 def _added(law: GapLaw, tips: Tips, closed: Tips) -> Floats:
@@ -201,7 +207,10 @@ def _without_equilibrium(law: GapLaw, tips: Tips, error: ConvergenceError) -> st
     name = max(law.uplift, key=lambda each: float((tips[each] / law.uplift[each].length).max()))
     line = int(np.argmax(tips[name] / law.uplift[name].length))
     cracked, length = tips[name][line], law.uplift[name].length[line]
+    end = f"there is no equilibrium any more ({error})"
+    if not isinstance(error, NoEquilibriumError):
+        end = f"none was found, which does not say that there is none ({error})"
     return (
         f"loads.joint_water: the uplift grows with the crack, and when joint {name} is cracked over "
-        f"{cracked:.4g} m of {length:.4g} m there is no equilibrium any more ({error})"
+        f"{cracked:.4g} m of {length:.4g} m {end}"
     )

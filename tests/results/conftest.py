@@ -25,7 +25,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import ENERGY_TERMS, BuiltStages, Coordinates, History, RestUplift
+from romdam.core.system import ENERGY_TERMS, BuiltStages, Coordinates, History, RestBalance, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, StressSummary, summarise
 from romdam.reduction.basis import Dense
@@ -97,6 +97,10 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
         uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0), built=built,
+        balance=RestBalance(
+            ("whole dam", "left"), np.zeros((2, 3)), *np.ones((3, 2, 6)), np.array([1e-12, 2e-12])
+        ),
+        ground_peak=np.ones(3),
     )  # fmt: skip
 
 

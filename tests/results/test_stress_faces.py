@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from romdam.postprocess.maxima import face_rows, maxima
-from romdam.postprocess.stress.faces import LIMITS, area_percentiles, face_demand, verdict
+from romdam.postprocess.stress.faces import LIMITS, MET, area_percentiles, face_demand, verdict
 from romdam.postprocess.stress.summary import DCR_LEVELS, StressHistory, summarise
 from romdam.results.dataset import Timing, build_dataset
 from romdam.results.variables import VARIABLES
@@ -41,7 +41,7 @@ def test_acceptance_is_met_on_its_limits_and_not_beyond(kind, duration, area):
         found = face_demand(
             np.array([ratio, 0.5]), np.stack([times, 0 * times]), np.array([share, 100 - share]), DCR_LEVELS
         )
-        return found.accepted(DCR_LEVELS, limits)
+        return tuple(criterion == MET for criterion in found.judged(DCR_LEVELS, limits))
 
     assert met(2.0, line * (1 - 1e-12), area) == (True, True, True)
     assert met(2.001, line * (1 - 1e-12), area) == (False, True, True)
@@ -52,7 +52,8 @@ def test_acceptance_is_met_on_its_limits_and_not_beyond(kind, duration, area):
 
 def test_face_that_the_ring_covers_passes_nothing():
     nothing = face_demand(np.zeros(0), np.zeros((0, len(DCR_LEVELS))), np.zeros(0), DCR_LEVELS)
-    assert nothing.accepted(DCR_LEVELS, LIMITS["arch dam"]) == (False, False, False)
+    judged = nothing.judged(DCR_LEVELS, LIMITS["arch dam"])
+    assert verdict(judged) == "not judged: all of it is in the ring"
 
 
 def swinging(at_rest, swing, ring=()):

@@ -22,7 +22,7 @@ from romdam.core.scene import (
     StressNodes,
     StressSites,
 )
-from romdam.core.system import BuiltStages, Coordinates, History, RestUplift
+from romdam.core.system import BuiltStages, Coordinates, History, RestBalance, RestUplift
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressHistory, summarise
 from romdam.results.case import Case
@@ -186,6 +186,11 @@ def make_history():
         MN * np.array([[0, 0, 3, 0, 0], [0, 0, 2, 1, 0]]),
         np.array([[True, True, False, False, False], [False, False, False, True, True]]),
     )
+    resultants = np.arange(1.0, 7) * np.array([[1.0], [10.0]])
+    balance = RestBalance(
+        ("whole dam", "high"), np.array([[1.0, 2, 3], [4, 5, 6]]), resultants, -3.0 * resultants,
+        2.0 * resultants, np.array([1e-9, 2e-9]),
+    )  # fmt: skip
     return History(
         time=0.4 * np.arange(6), jump=MM * np.stack([OPENING, SLIP_J, SLIP_K], axis=2), traction=traction,
         mean_traction=np.stack([mean, 0.2 * mean, 0.3 * mean], axis=2), state=STATE.astype(np.uint8),
@@ -196,7 +201,7 @@ def make_history():
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
         forces=rows_of(LOAD, [6e3]),
-        uplift=uplift, built=built,
+        uplift=uplift, built=built, balance=balance, ground_peak=np.array([1.5, 2.5, 3.5]),
     )  # fmt: skip
 
 
@@ -244,6 +249,9 @@ EXPECTED_COORDINATES = {
     "grouted_gap": (WHOLE, [1e-3, 3e-3, 0, 1e-3, 0]),
     "support": (WHOLE, ["station 3"]),
     "station_coordinate": (WHOLE, [12.5]),
+    "body": (WHOLE, ["whole dam", "high"]),
+    "resultant": (WHOLE, ["F_x", "F_y", "F_z", "M_x", "M_y", "M_z"]),
+    "body_middle": (WHOLE, [[1, 2, 3], [4, 5, 6]]),
     "support_delay": (WHOLE, [0.1]),
     "force_history": (WHOLE, ["loads.force_history[0]"]),
     "node_block": (WHOLE, ["high", "low"]),
@@ -290,6 +298,13 @@ EXPECTED_OF_JOINTS = {
     "dissipated_energy": (3, [5, 10, 0.5, 1, 2]),
     "water_pressure": (WHOLE, [1.5e5, 2e5, 2e5, 3e5, 2e5]),  # over areas of 2, 4, 0.5, 1 and 2.5
     "water_force": (WHOLE, [[0, 11e5, 0], [0, 7e5, 4e5]]),  # 4e5 along y and 5e5 along (0, 0.6, 0.8)
+    # contact and shear of row 3, water_force, and what entered: 9e3 on A, 21e3 and 15e3 on B
+    "joint_force": (3, [[2.4e6, 33.109e6, 3.2e6], [3.2e6, 21.37e6, 15.132e6]]),
+    "loads_at_rest": (1, [10, 20, 30, 40, 50, 60]),
+    "joints_at_rest": (1, [-30, -60, -90, -120, -150, -180]),
+    "supports_at_rest": (0, [2, 4, 6, 8, 10, 12]),
+    "imbalance_at_rest": (WHOLE, [1e-9, 2e-9]),
+    "peak_ground_acceleration": (WHOLE, [1.5, 2.5, 3.5]),
     "construction_opening": (WHOLE, [[2e-3, 1e-3, 0, np.nan, np.nan], [3e-3, 1e-3, 0, 5e-3, 4e-3]]),
     "construction_normal_force": (WHOLE, [[0, 0, -3e6, 0, 0], [0, 0, -2e6, -1e6, 0]]),
     "construction_grouted": (WHOLE, [[1, 1, 0, 0, 0], [0, 0, 0, 1, 1]]),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, Tag, model_validator
+from pydantic import AfterValidator, Field, Tag, field_validator, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import (
@@ -266,6 +266,15 @@ class LoadsConfig(Model):
     force: tuple[ForceConfig, ...] = ()
     force_history: tuple[ForceHistoryConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
+    order: tuple[Literal["weight", "forces", "water", "temperature"], ...] = (
+        "weight",
+        "forces",
+        "water",
+        "temperature",
+    )
+    """Order in which these loads are applied to the state at rest, on which slip and cracks depend; each is
+    named once (forces: pressure and force; water: hydrostatic and joint_water). Stages of construction and
+    grouting come before them."""
     initial_state: Annotated[
         Annotated[Literal["static", "undeformed"], Tag("word")]
         | Annotated[InitialStateConfig, Tag("mapping")],
@@ -273,6 +282,14 @@ class LoadsConfig(Model):
     ] = "static"
     """State that a run starts from: equilibrium of the static loads, no displacement at all, or the state in
     which another run ended."""
+
+    @field_validator("order")
+    @classmethod
+    def _each_once(cls, order: tuple[str, ...]) -> tuple[str, ...]:
+        kinds = ("weight", "forces", "water", "temperature")
+        if sorted(order) != sorted(kinds):
+            raise ValueError(f"name each of {', '.join(kinds)} once, got {quote(list(order))}")
+        return order
 
     @model_validator(mode="after")
     def _wet_once(self) -> Self:

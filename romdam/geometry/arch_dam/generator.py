@@ -64,13 +64,14 @@ class _Grid:
     tags: dict[bool, Floats]
 
 
-def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: str) -> Dam:
+def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: str, *, absorbs: bool) -> Dam:
     """Mesh an arch dam.
 
     Parameters
     ----------
     materials : by name
     location : file and key, for messages
+    absorbs : whether a viscous boundary takes up waves, so that rock has mass unless told otherwise
 
     Raises
     ------
@@ -92,7 +93,9 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: st
     if config.perimeter:
         material_of[PERIMETER] = materials[config.perimeter.material]
     for zone, rock in zones.items():
-        material_of[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(rock.mass)
+        material_of[f"{ROCK}_{zone}"] = materials[rock.material].with_mass(
+            absorbs if rock.mass is None else rock.mass
+        )
     blocks, numbers = {}, {}
     for k, name in enumerate(config.block_names):
         numbers[name], local = np.unique(cells[owner == k], return_inverse=True)

@@ -33,3 +33,8 @@ def rigid_modes(K: spmatrix, M: spmatrix, motions: Floats) -> Floats:
     R = Q @ V[:, energy < _STRAINLESS]
     mass, V = np.linalg.eigh(R.T @ (M @ R))
     return np.asarray(R @ (V / np.sqrt(mass)))
+
+
+def without_strain(omega2: Floats, number: int) -> Floats:
+    """Ascending omega^2 [1/s2] whose lowest, those of rigid motions, are zero and not round-off."""
+    return np.append(np.zeros(number), omega2[number:])

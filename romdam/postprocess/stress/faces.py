@@ -23,7 +23,8 @@ HEADLINE = 98.0
 BASES = ("total", "change")
 CRITERIA = ("ratio", "duration", "area")
 LARGEST_RATIO = 2.0
-UNDECIDED, MISSED, MET = -1, 0, 1  # a criterion; undecided is one that most of a face was left out of
+# a criterion: of a face that the ring covers, of one that it mostly covers, and of one that is judged
+NOT_JUDGED, UNDECIDED, MISSED, MET = -2, -1, 0, 1
 
 
 @dataclass(frozen=True)
@@ -84,13 +85,16 @@ class FaceDemand:
     duration: Floats
     share: Floats
 
-    def accepted(self, levels: Floats, limits: Limits) -> tuple[bool, bool, bool]:
-        """Tell which of CRITERIA are met; none where the ring covers the face."""
-        return (
+    def judged(self, levels: Floats, limits: Limits) -> tuple[int, ...]:
+        """MET or MISSED for each of CRITERIA; NOT_JUDGED where the ring covers the face."""
+        if np.isnan(self.ratio):
+            return (NOT_JUDGED,) * len(CRITERIA)
+        met = (
             self.ratio <= LARGEST_RATIO,
-            bool((self.duration <= limits.duration_at(levels)).all()),
-            bool(self.share[0] <= limits.area),
+            (self.duration <= limits.duration_at(levels)).all(),
+            self.share[0] <= limits.area,
         )
+        return tuple(MET if criterion else MISSED for criterion in met)
 
 
 def face_demand(ratio: Floats, duration: Floats, area: Floats, levels: Floats) -> FaceDemand:
@@ -110,7 +114,9 @@ def face_demand(ratio: Floats, duration: Floats, area: Floats, levels: Floats) -
 
 
 def verdict(met: Sequence[int] | Ints) -> str:
-    """Say whether a face passes, by which criteria it does not, or that most of it was not judged."""
+    """Say whether a face passes, by which criteria it does not, or that it was not judged."""
+    if NOT_JUDGED in list(met):
+        return "not judged: all of it is in the ring"
     missed = [name for name, criterion in zip(CRITERIA, met, strict=True) if criterion == MISSED]
     if missed:
         return f"fails: {', '.join(missed)}"

@@ -38,6 +38,7 @@ from romdam.core.errors import ConfigError, ReductionError
 from romdam.effects.added_mass import WetMass
 from romdam.linalg.dense import DEPENDENT, eigh, independent, orthonormalising, without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, modes_below
+from romdam.linalg.modes.rigid import rigid_modes, without_strain
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.basis import Augmented
@@ -207,6 +208,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]
     """
     K, M, retained, shift = block.K, block.M, block.retained, block.shift
     interior_dofs = int((~retained).sum())
+    rigid = rigid_modes(K, M, block.motions.rigid).shape[1]
     if (choice.capped or not interior_dofs) and choice.count is not None:
         choice = replace(choice, count=min(choice.count, interior_dofs))
     if not choice.keeps_all and choice.count is not None and choice.count > interior_dofs:
@@ -217,7 +219,7 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]
     if choice.keeps_all or choice.count == interior_dofs:
         omega2, basis = dense_modes(K, M)
         complete = ReducedBlock(
-            omega2=without_roundoff(omega2),
+            omega2=without_strain(without_roundoff(omega2), rigid),
             basis=basis,
             more=np.zeros((len(basis), 0)),
             mix=np.eye(len(omega2)),
@@ -256,9 +258,9 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]
     interior = Interior(solver, modes.forces, boundary)
     reduced, interior = _with_residual_vectors(block, reduced, interior, choice.residual_vectors, 0.0, None)
     reduced = reduced.formed()
-    yield replace(reduced, omega2=without_roundoff(reduced.omega2))
+    yield replace(reduced, omega2=without_strain(without_roundoff(reduced.omega2), rigid))
     finer, _ = _with_residual_vectors(block, reduced, interior, FINER_VECTORS, FINER_LEAST, block.wet)
-    yield replace(finer, omega2=without_roundoff(finer.omega2))
+    yield replace(finer, omega2=without_strain(without_roundoff(finer.omega2), rigid))
 
 
 def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedInterfaceModes, Solver]:
@@ -271,6 +273,10 @@ def _ritz_vectors(block: FreeBlock, choice: ModeChoice) -> tuple[Floats, FixedIn
     solver = make_solver(shifted, block.motions.of(~retained), columns, choice.solving, block.label)
     coupling = (K_i[:, retained] - shift * M_i[:, retained]).toarray()
     Psi = -solver.solve(coupling) if coupling.shape[1] else coupling
+    if shift:
+        choice = choice.with_rigid_motions(
+            rigid_modes(K_ii, M_ii, block.motions.of(~retained).rigid).shape[1]
+        )
     return Psi, fixed_interface_modes(K_ii, M_ii, block.loads[~retained], choice, solver, shift), solver
 
 

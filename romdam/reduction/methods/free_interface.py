@@ -39,6 +39,7 @@ from romdam.linalg.condensed import CondensedSingle
 from romdam.linalg.conjugate import WIDTH
 from romdam.linalg.dense import without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, span_of_modes
+from romdam.linalg.modes.rigid import without_strain
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, make_solver
 from romdam.linalg.symmetric import Symmetric
@@ -121,7 +122,10 @@ class FreeInterface(Reductor):
             massless = needs_no_mass(substructure, part.right.shape[1])
             choice = wider(choice) if massless else choice
             choice = replace(choice, count=size if every else choice.count)
+            choice = choice.with_rigid_motions(part.rigid.shape[1])
             T, levels = _ritz_levels(part, choice, files, massless=massless)
+        rigid = part.rigid.shape[1]
+        levels = [level._replace(omega2=without_strain(level.omega2, rigid)) for level in levels]
         # largest relative residual of the eigenvalues, which the finer basis shares
         residual, modes = 0.0, levels[0].modes
         together = max(_TOGETHER, int(_READ / (8 * len(part.row))))

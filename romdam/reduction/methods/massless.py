@@ -24,7 +24,6 @@ import numpy as np
 
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
-from romdam.fem.parts import gather
 from romdam.linalg.solvers import make_solver
 from romdam.reduction.methods.merged_part import merge_blocks
 from romdam.reduction.mode_choice import ModeChoice
@@ -71,9 +70,8 @@ class Massless(Reductor):
     def reduce(self, substructure: Substructure, choice: ModeChoice, files: BasisFiles) -> Iterator[Bases]:
         """Yield the bases of the part's blocks, of the same coordinates."""
         mesh_part, scene = substructure.mesh_part, substructure.scene
-        forces = gather(mesh_part, substructure.block_loads.forces)[:, None]
         label = f"part {mesh_part.name}, which has no mass"
-        part = merge_blocks(substructure, [substructure.operator.T, forces], label)
+        part = merge_blocks(substructure, [substructure.operator.T, substructure.static_forces], label)
         substructure.assembly.release(mesh_part.blocks)
         right = part.right
         solver = make_solver(part.K.whole(), part.motions, right.shape[1], choice.solving, label)

@@ -23,6 +23,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats
 from romdam.effects.added_mass import WetMass
 from romdam.linalg.dense import independent, without_roundoff
+from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
 from romdam.linalg.solvers import Solver, make_solver
 from romdam.reduction.methods.craig_bampton import (
@@ -182,6 +183,8 @@ def _ritz_vectors(
     T.fill(boundary, lambda first, last: _constraint_modes(block, solver, first, last))
     log.info("%s: %d constraint modes; the modes are to come", block.label, boundary)
     K = block.K_ii + shift * block.M_ii if shift else block.K_ii
+    if shift:
+        choice = choice.with_rigid_motions(rigid_modes(K, block.M_ii, block.motions.rigid).shape[1])
     modes = fixed_interface_modes(K, block.M_ii, block.loads, choice, solver, shift)
     T.widen(len(modes.omega2))
     T.fill(T.shape[1], lambda a, b: over_interior(retained, modes.Phi[:, a - boundary : b - boundary]))

@@ -14,6 +14,7 @@ from romdam.postprocess.stress.faces import (
     LIMITS,
     MET,
     MISSED,
+    NOT_JUDGED,
     PERCENTILES,
     UNDECIDED,
     FaceDemand,
@@ -108,7 +109,7 @@ def _accepted(case: Case) -> Array:
     """(faces, bases, kinds, criteria) whether each is met; where little of a face is judged nothing is."""
     kinds = LIMITS.values()
     met = [
-        [[demand.accepted(DCR_LEVELS, k) for k in kinds] for demand in demands] for demands in _demands(case)
+        [[demand.judged(DCR_LEVELS, k) for k in kinds] for demand in demands] for demands in _demands(case)
     ]
     values = np.array(met, dtype=np.int8)
     mostly = case.sites.ring_shares > MOST_RING
@@ -274,8 +275,8 @@ FACE_VARIABLES: dict[str, Variable] = {
         _of_faces_with_strength,
         {
             "references": _MANUAL,
-            "flag_values": np.array([UNDECIDED, MISSED, MET], dtype=np.int8),
-            "flag_meanings": "undecided missed met",
+            "flag_values": np.array([NOT_JUDGED, UNDECIDED, MISSED, MET], dtype=np.int8),
+            "flag_meanings": "not_judged undecided missed met",
             "limits": "; ".join(f"{kind}: {limits}" for kind, limits in LIMITS.items()),
         },
     ),

@@ -176,7 +176,7 @@ ROWS: dict[str, Variable] = {
     "peak_displacement": Variable(
         ("node", "component"),
         "m",
-        "largest displacement relative to the base, either sign",
+        "largest displacement relative to the base, either sign, of the written rows",
         lambda c: np.abs(c.history.disp).max(axis=0).reshape(-1, 3),
         VARIABLES["displacement"].when,
     ),

@@ -128,6 +128,7 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
         B=csr_matrix(jumps @ Q),
         load=Q.T @ system.load,
         force=Q.T @ system.force,
+        load_steps={kind: Q.T @ force for kind, force in system.load_steps.items()},
         observe=csr_matrix(system.observe @ Q),
         law=_of_groups(system.law, gaps, signs),
         parts={name: slice(int(stops[name] - width[name]), int(stops[name])) for name in width},
@@ -168,13 +169,14 @@ def _shifts(system: System) -> Floats:
 
 
 def _jumps(system: System, B: Floats, active: Ints, forces: Floats, s: float) -> Floats:
-    """Jumps under forces on the gaps, under the loads, and under the static force, for one s.
+    """Jumps under forces on the gaps, under the loads, and under the static forces, for one s.
 
     Parameters
     ----------
     B : (N, n) of the system, not sparse
     """
-    moved = np.column_stack([B.T @ forces, system.load[:, active], system.force])
+    steps = system.load_steps.values()
+    moved = np.column_stack([B.T @ forces, system.load[:, active], system.force, *steps])
     return np.asarray(B @ (moved / (system.K.diagonal() + s)[:, None]))
 
 
@@ -331,7 +333,7 @@ def _modes(system: System, active: Ints, jumps: Floats) -> csr_matrix:
         further = np.diff(k[order], prepend=-np.inf) > _SAME * k[order]
         number[order] = first - 1 + np.cumsum(further)
         first += int(further.sum())
-    drives = np.column_stack([system.load[:, active], system.force])
+    drives = np.column_stack([system.load[:, active], system.force, *system.load_steps.values()])
     size = np.bincount(number, weights=(system.B.toarray() ** 2).sum(axis=0))
     drives *= _MOVED / _DRIVEN / np.maximum(np.abs(drives).max(axis=0), 1e-300)
     moved = np.hstack([jumps.T / np.sqrt(np.maximum(size, 1e-300))[number, None], drives])

@@ -16,11 +16,12 @@ from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING
-from romdam.postprocess.maxima import explained, maxima, peak_opening_time
+from romdam.postprocess.maxima import explained, maxima, peak_ground_acceleration, peak_opening_time
 from romdam.postprocess.record_measures import stated_warnings
 from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.run_warnings import LEDGER_LIMIT
 from romdam.postprocess.sliding import sliding
+from romdam.postprocess.stated_errors import total_text
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
 from romdam.visual.plots import FIGURES
 from romdam.visual.report.parts import (
@@ -144,10 +145,7 @@ def _facts(subject: RunSubject) -> list[Fact]:
         facts.append(Fact(f"{HEADLINE:g} % stress of the worst face", subject.text("Pa", worst)))
     errors = subject.errors
     if errors:
-        unknown = [part for part in ("mesh", "modes", "steps") if part not in errors]
-        more = f", {' and '.join(unknown)} unknown" if unknown else ""
-        total = f"{number(100 * sum(errors.values()), 2)} %{more}"
-        facts.append(Fact("stated error of the openings, L2, at most", total))
+        facts.append(Fact("stated error of the openings, L2, at most", total_text(errors)))
     warnings = len(stated_warnings(dataset.attrs))
     return [*facts, Fact("warnings", str(warnings), warnings > 0)]
 
@@ -254,7 +252,7 @@ def motion_section(subject: RunSubject) -> Section:
         ["sampling interval", f"{attrs['record_dt']:g} s"],
         ["analysed", f"{float(dataset.time[-1]):g} s"],
     ]
-    peaks = abs(dataset.ground_acceleration).max("time") / _GRAVITY
+    peaks = peak_ground_acceleration(dataset) / _GRAVITY
     rows += [
         [f"peak acceleration {axis}", f"{number(float(peaks.sel(component=axis)))} g"]
         for axis in dataset.component.values

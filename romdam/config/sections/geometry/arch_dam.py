@@ -87,8 +87,9 @@ class ZoneConfig(Model):
     """Range of the zone along y; everything if not given."""
     z: Range | None = None
     """Range of the zone along z; everything if not given."""
-    mass: bool = True
-    """Mass of the rock counts; without it the rock is stiff only."""
+    mass: bool | None = None
+    """Mass of the rock counts; without it the rock is stiff only. If not given, rock has mass only where a
+    viscous boundary takes up its waves: on a fixed base it would amplify a record made at its surface."""
     weight: bool = False
     """Gravity acts on the rock; if not, its weight has acted before the dam is built."""
 
@@ -124,7 +125,7 @@ class RockConfig(Model):
 
     @model_validator(mode="after")
     def _waves(self) -> Self:
-        light = [name for name, zone in self.zones.items() if not zone.mass]
+        light = [name for name, zone in self.zones.items() if zone.mass is False]
         if self.boundary == "viscous" and light:
             raise ValueError(
                 f"`boundary: viscous` takes up waves, and zone {light[0]!r} has no mass to carry any "

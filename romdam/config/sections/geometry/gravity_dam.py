@@ -64,8 +64,9 @@ class FoundationConfig(Model):
 
     material: str
     """A name of `materials`."""
-    mass: bool = True
-    """Mass of the rock counts; without it the rock is stiff only."""
+    mass: bool | None = None
+    """Mass of the rock counts; without it the rock is stiff only. If not given, rock has mass only where a
+    viscous boundary takes up its waves: on a fixed base it would amplify a record made at its surface."""
     weight: bool = False
     """Gravity acts on the rock; if not, it has settled before the dam is built."""
     depth: Size

@@ -1,0 +1,129 @@
+"""The state at rest of two monoliths on rock is one, whatever the axes, the order of names, and the water."""
+
+import copy
+import json
+import re
+
+import numpy as np
+import pytest
+
+import romdam
+from romdam.core.motion import GroundMotion
+
+STILL = GroundMotion.from_arrays("still", {"y": [0.0] * 5}, 0.01)
+SIZE, GRAVITY = 2.0, [0.0, 0.0, -9.81]
+SOFT = {"tensile_strength": 1e5, "energy": 20.0, "cohesion": 2e5, "shear_energy": 60.0}
+AROUND = ((0, 0), (1, 0), (1, 1), (0, 1))
+
+
+def write_mesh(path, degrees):
+    """Blocks a and b of 2 by 4 cubes, 4 and 3 high, side by side along x on rock r, turned about z."""
+    turn = np.radians(degrees)
+    c, s = np.cos(turn), np.sin(turn)
+    lines, elements, number, sets = ["*NODE"], [], {}, {}
+
+    def node(block, corner):
+        if (block, corner) not in number:
+            number[block, corner] = len(number) + 1
+            x, y, z = SIZE * np.array(corner, dtype=float)
+            lines.append(f"{len(number)}, {c * x - s * y:.17g}, {s * x + c * y:.17g}, {z:.17g}")
+        return number[block, corner]
+
+    for name, xs, zs in (("A", (0, 2), (0, 4)), ("B", (2, 4), (0, 3)), ("R", (0, 4), (-2, 0))):
+        elements.append(f"*ELEMENT, TYPE=C3D8, ELSET={name}")
+        for x in range(*xs):
+            for y in range(4):
+                for z in range(*zs):
+                    cube = [node(name, (x + a, y + b, z + up)) for up in (0, 1) for a, b in AROUND]
+                    sets.setdefault(name, []).append(cube)
+                    elements.append(f"{sum(map(len, sets.values()))}, " + ", ".join(map(str, cube)))
+    for name in ("A", "B"):
+        face = [n for (block, corner), n in number.items() if block == name and corner[1] == 0]
+        elements += [f"*NSET, NSET=WET{name}", ", ".join(map(str, face))]
+    foot = [n for (block, corner), n in number.items() if block == "R" and corner[2] == -2]
+    elements += ["*NSET, NSET=FOOT", ", ".join(map(str, foot))]
+    path.write_text("\n".join([*lines, *elements]) + "\n")
+
+
+def job(folder, degrees, kind):
+    write_mesh(folder / f"turned_{degrees}.inp", degrees)
+    mesh = {"file": str(folder / f"turned_{degrees}.inp"), "unit": "m"}
+    joint = {"normal_stiffness": 40e9, "shear_stiffness": 20e9, "friction": 0.9}
+    wet = [{"block": "a", "face": "WETA"}, {"block": "b", "face": "WETB"}]
+    raw = {
+        "materials": {"c": {"E": 30e9, "nu": 0.2, "rho": 2400, "expansion": 1e-5}},
+        "blocks": {
+            "a": {"material": "c", "mesh": mesh | {"group": "A"}},
+            "b": {"material": "c", "mesh": mesh | {"group": "B"}},
+            "r": {"material": "c", "mesh": mesh | {"group": "R"}, "mass": False, "weight": False},
+        },
+        "supports": [{"block": "r", "face": "FOOT"}],
+        "joints": {
+            "j": joint | {"between": ["a", "b"], "friction": 0.6},
+            "fa": joint | {"between": ["r", "a"]},
+            "fb": joint | {"between": ["r", "b"]},
+        },
+        "loads": {
+            "gravity": GRAVITY,
+            "hydrostatic": [{"level": 5.0, "faces": wet}],
+            "temperature": [{"change": 6.0, "blocks": ["a", "b"]}],
+        },
+        "damping": {"rayleigh": {"frequencies": [5, 50], "ratio": 0.05}},
+        "model": {"modes": 25},
+        "transient": {"finest_step": 0.001, "duration": 0.02},
+        "outputs": {"plots": False, "error_estimate": False, "mesh_error": False},
+    }
+    if kind == "softening":
+        raw["joints"]["j"]["fracture"] = SOFT
+    elif kind == "stages":
+        raw["loads"]["temperature"] = []
+        raw["construction"] = [
+            {"name": "poured", "pour": ["a", "b"]},
+            {"name": "cooled", "temperature": [{"change": -6.0, "blocks": ["a", "b"]}]},
+        ]
+    return raw, wet
+
+
+def forces(raw):
+    """Compression and shear of each joint at rest, and the warnings of the run."""
+    dataset = romdam.run(raw, motions=STILL).results[0].dataset
+    first, found = dataset.isel(time=0), {}
+    for name in ("j", "fa", "fb"):
+        gaps = first.isel(gap=first.gap_joint.values == name)
+        shear = np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
+        found[name] = np.array([-gaps.normal_force.values.sum(), np.linalg.norm(shear)])
+    assert float(dataset.imbalance_at_rest.max()) <= 1e-8
+    return found, json.loads(dataset.attrs["run_warnings"])
+
+
+@pytest.mark.parametrize("kind", ["friction", "softening", "stages"])
+def test_the_state_at_rest_is_one(tmp_path, kind):
+    straight, wet = job(tmp_path, 0, kind)
+    known, _ = forces(straight)
+    assert known["fa"][0] + known["fb"][0] == pytest.approx(2400 * 9.81 * 8 * (32 + 24), rel=1e-6)
+    other = {degrees: job(tmp_path, degrees, kind)[0] for degrees in (37, 111, 200)}
+    watered = copy.deepcopy(straight) | {"water": {"level": 5.0, "model": "westergaard", "faces": wet}}
+    named = copy.deepcopy(straight)
+    named["blocks"] = {name: named["blocks"][name] for name in ("r", "b", "a")}
+    named["joints"] = {name: named["joints"][name] for name in ("fb", "j", "fa")}
+    swapped = copy.deepcopy(straight)
+    for joint in swapped["joints"].values():
+        joint["between"] = joint["between"][::-1]
+    for raw in (*other.values(), watered, named, swapped):
+        found, _ = forces(raw)
+        for name, force in known.items():
+            largest = max(np.abs(each).max() for each in known.values())
+            assert np.abs(found[name] - force).max() <= 1e-6 * largest, name
+
+
+def test_a_run_says_how_far_the_state_depends_on_the_order_of_loads(tmp_path):
+    """The reversed order, asked for, gives the forces that the first run says it would."""
+    raw, _ = job(tmp_path, 0, "softening")
+    known, warnings = forces(raw)
+    reverse = copy.deepcopy(raw)
+    reverse["loads"]["order"] = ["temperature", "water", "forces", "weight"]
+    back, _ = forces(reverse)
+    (said,) = [text for text in warnings if "depends on the order of the loads" in text]
+    name = re.search(r"joint (\w+) carries", said)[1]
+    numbers = [float(number) for number in re.findall(r"([\d.]+)(?: MN| and)", said)]
+    assert numbers == pytest.approx([*1e-6 * known[name], *1e-6 * back[name]], rel=1e-3)
