@@ -154,7 +154,7 @@ def test_a_block_that_slides_is_judged_by_twice_its_steps(monkeypatch, finest, l
 @pytest.mark.parametrize("stiffness", [2e9, 2e10, 2e11])
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(stiffness, friction):
-    """Both runs of that estimate cut a step at one share of the forces' change; fixed fine steps have none."""
+    """Both runs of that estimate cut a step at one share of the change; fixed fine steps have none."""
     job = {
         "materials": {"concrete": {"E": 25e9, "nu": 0.2, "rho": 2400}},
         "blocks": {
