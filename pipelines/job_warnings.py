@@ -98,6 +98,11 @@ def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
 
 def _of_motion(job: Job, motion: GroundMotion) -> Iterator[str]:
     yield from motion.warnings
+    yield from step_warnings(job, motion)
+
+
+def step_warnings(job: Job, motion: GroundMotion) -> Iterator[str]:
+    """Say what steps and duration of a job leave out of a record, a sentence each."""
     transient, interval = job.config.transient, job.config.outputs.output_interval
     dt, seconds = transient.finest_step, transient.duration
     if interval is not None and not (dt is not None and dt > motion.dt):

@@ -44,7 +44,7 @@ from romdam.pipelines.error.estimate import can_estimate, variable_models, with_
 from romdam.pipelines.error.sibling import NoSibling, Sibling, find_sibling, run_with_stress, with_stress
 from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
-from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
+from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings, step_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
@@ -577,7 +577,8 @@ def run_motion(
         accuracy = job.config.transient.step_accuracy
         concerns = json.loads(dataset.attrs["run_warnings"])
         concerns += accuracy_warnings(dataset.attrs, accuracy, total)
-        dataset.attrs["run_warnings"] = json.dumps(concerns)
+        # those of the steps are logged before all runs
+        dataset.attrs["run_warnings"] = json.dumps([*concerns, *step_warnings(job, motion)])
         dataset.attrs[FOLDER] = folder_from(folder, job.folder)
         write_dataset(dataset, path, history.final)
     for concern in concerns:

@@ -461,7 +461,8 @@ def test_what_is_unusual_is_said_by_check_and_by_run_and_kept(config, tmp_path):
         and f"{config}:{line}: {said}" in stderr.replace("\n", "")
         and "cuts the record at 0.3 s, it has 0.59 s" in stderr
     )
-    assert said in xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs["configuration_doubts"]
+    attrs = xr.open_dataset(tmp_path / "o" / "pulse.nc").attrs
+    assert said in attrs["configuration_doubts"] and "cuts the record at 0.3 s" in attrs["run_warnings"]
 
 
 def test_damping_of_what_slides_is_said_by_check_and_by_run_and_kept(config, tmp_path, caplog):

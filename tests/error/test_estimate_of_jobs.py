@@ -150,3 +150,43 @@ def test_a_block_that_slides_is_judged_by_twice_its_steps(monkeypatch, finest, l
     monkeypatch.setattr(estimate, "run_window", noted)
     slid(finest, DT, law)
     assert taken == pytest.approx([other], rel=0.12)  # a base step in three parts has no such parts
+
+
+@pytest.mark.parametrize("stiffness", [2e9, 2e10, 2e11])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(stiffness, friction):
+    """Both runs of that estimate cut a step at one share of the change; fixed fine steps have none."""
+    job = {
+        "materials": {"concrete": {"E": 25e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            name: {
+                "material": "concrete",
+                "box": {"origin": [x, 0, 0], "size": [b, 5, 20], "element_size": 5},
+            }
+            for name, x, b in (("left", 0, 5), ("right", 5, 10))
+        },
+        "supports": [{"block": name, "face": "zmin"} for name in ("left", "right")],
+        "joints": {
+            "middle": {
+                "between": ["left", "right"],
+                "normal_stiffness": stiffness,
+                "shear_stiffness": 0.5 * stiffness if friction else 0.0,
+                "friction": friction,
+            }
+        },
+        "damping": {"rayleigh": {"frequencies": [2, 10], "ratio": 0.05}},
+        "model": {"modes": "all"},
+        "transient": {"finest_step": 0.0025, "integrator": "adaptive"},
+        "outputs": {"output_interval": DT, "plots": False, "mesh_error": False},
+    }
+    motion = GroundMotion("pulse", np.stack([PULSE, 0.0 * PULSE, 0.0 * PULSE]), DT, {}, ())
+    fine = job | {"transient": {"finest_step": DT / 128, "integrator": "modal"}}
+    run, exact = (romdam.run(one, motions=motion).results[0].dataset.load() for one in (job, fine))
+    true = relative_l2(run.opening.values, exact.opening.values)
+    if friction:
+        slip, wanted = run.slip.values, exact.slip.values
+        size = max(np.linalg.norm(wanted[-1]), 0.05 * np.abs(wanted).max())
+        left = np.linalg.norm(slip[-1] - wanted[-1]) / size
+        true = max(true, relative_l2(slip, wanted), left)
+    stated = run.attrs["solver_estimated_time_error"]
+    assert 0.5 * true <= stated <= 2.0 * true
