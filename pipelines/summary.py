@@ -14,7 +14,7 @@ from romdam.core.errors import RecordError, ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.error.statement import ErrorStatement
+from romdam.error.statement import ErrorStatement, opening_errors
 from romdam.pipelines.input_motions import Read
 from romdam.records.components import check_components
 from romdam.results.dataset import run_identity
@@ -47,6 +47,9 @@ class FinishedRun:
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
         if self.estimate is not None and self.estimate.errors:
             stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
+        of_mesh = opening_errors(self.dataset.attrs).get("mesh")
+        if of_mesh is not None:
+            stated["estimated_mesh_error"] = of_mesh
         warnings = tuple(json.loads(self.dataset.attrs["run_warnings"]))
         return Row(key, "", row_values(self.case, stated), self.kept, warnings=warnings)
 

@@ -47,6 +47,7 @@ _NOT_RESPONSES = (
     "finest_step",
     "estimated_time_error",
     "estimated_reduction_error",
+    "estimated_mesh_error",
 )
 
 

@@ -9,12 +9,12 @@ from romdam.config.sections.wedges import ThrustConfig, WedgesConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, listed
 from romdam.postprocess.sliding import row_seconds
-from romdam.postprocess.wedges import slide, trend_and_plunge, wedge_geometry
+from romdam.postprocess.wedges import permanent_displacement, slide, trend_and_plunge, wedge_geometry
 
 Row = tuple[str, ...]
 HEAD: Row = (
     "wedge", "volume [m3]", "weight [MN]", "factor at rest", "moves on", "least factor", "at [s]", "moves on",
-    "trend [deg]", "plunge [deg]", "x", "y", "z", "below 1 [s]",
+    "trend [deg]", "plunge [deg]", "x", "y", "z", "below 1 [s]", "slides [mm]",
 )  # fmt: skip
 HELD, LIFTS = "held", "lifts off"
 
@@ -36,7 +36,7 @@ def wedge_dataset(wedges: WedgesConfig, run: xr.Dataset | None, source: str) -> 
     most = max(len(wedge.planes) for wedge in wedges.wedges.values())
     names, planes = list(wedges.wedges), np.full((len(wedges.wedges), most), "", dtype=object)
     areas, water = np.full((2, len(names), most), np.nan)
-    volume, factor, driving, resisting = [], [], [], []
+    volume, factor, driving, resisting, displacement = [], [], [], [], []
     direction, normal_force = [], np.full((len(time), len(names), most), np.nan)
     contact = np.zeros((len(time), len(names), most), dtype=np.int8)
     for k, (name, wedge) in enumerate(wedges.wedges.items()):
@@ -54,6 +54,7 @@ def wedge_dataset(wedges: WedgesConfig, run: xr.Dataset | None, source: str) -> 
         factor.append(np.where(np.isfinite(sliding.factor), sliding.factor, np.nan))
         driving.append(sliding.driving)
         resisting.append(sliding.resisting)
+        displacement.append(permanent_displacement(sliding, mass, time))
         direction.append(sliding.direction)
         normal_force[:, k, :count], contact[:, k, :count] = sliding.normal_force, sliding.contact
     of_time, of_planes = ("time", "wedge"), ("time", "wedge", "plane")
@@ -76,6 +77,12 @@ def wedge_dataset(wedges: WedgesConfig, run: xr.Dataset | None, source: str) -> 
             np.array(resisting).T,
             "N",
             "friction and cohesion of the planes in contact",
+        ),
+        "wedge_displacement": (
+            of_time,
+            np.array(displacement).T,
+            "m",
+            "permanent displacement while the factor is below 1, of a rigid block (Newmark)",
         ),
         "wedge_slip_direction": (
             (*of_time, "component"),
@@ -177,6 +184,7 @@ def wedge_rows(dataset: xr.Dataset) -> list[Row]:
                 *((f"{trend:.1f}", f"{plunge:.1f}") if moves else ("-", "-")),
                 *(f"{x:.3f}" if moves else "-" for x in vector),
                 below,
+                f"{1e3 * float(wedge.wedge_displacement[-1]):.4g}" if len(time) > 1 else "-",
             )
         )
     return rows

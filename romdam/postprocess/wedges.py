@@ -29,6 +29,7 @@ from romdam.core.errors import ConfigError
 
 _ON_PLANE = 1e-9  # of the wedge's size: a corner so near to a plane is on it
 _HELD = 1e-9  # of the active force: less than that drives nothing
+_REAL = 1e-9  # of an interval: imaginary part of a time that is round-off
 _LARGEST = 1e6  # [m] across: a wedge beyond it counts as open
 
 
@@ -71,6 +72,39 @@ class WedgeSliding:
     direction: Floats
     normal_force: Floats
     contact: Bools
+
+
+def permanent_displacement(sliding: WedgeSliding, mass: float, time: Floats) -> Floats:
+    """Sliding displacement (nt,) of a wedge whose factor falls below 1 for a while, after Newmark [m].
+
+    It slides as a block with the acceleration (driving - resisting) / mass, linear between the rows, as long
+    as it moves; never back. In the directions in which it slides then, so that the lengths add up.
+
+    References
+    ----------
+    Newmark, Effects of earthquakes on dams and embankments, Geotechnique 15 (1965) 139.
+    """
+    excess = np.where(np.isfinite(sliding.factor), (sliding.driving - sliding.resisting) / mass, -np.inf)
+    moved, velocity = np.zeros(len(time)), 0.0
+    for k, dt in enumerate(np.diff(time)):
+        first, last = excess[k], excess[k + 1]
+        if not (np.isfinite(first) and np.isfinite(last)):
+            velocity, moved[k + 1] = 0.0, moved[k]
+            continue
+        start = 0.0
+        if velocity == 0.0 and first < 0.0:  # it starts where the excess passes zero
+            start = dt if last <= 0.0 else dt * first / (first - last)
+        slope = (last - first) / dt
+        tau, begins = dt - start, first + slope * start
+        end = velocity + begins * tau + 0.5 * slope * tau**2
+        if end < 0.0:  # it stops where the velocity is zero
+            roots = np.roots([0.5 * slope, begins, velocity])
+            real = roots.real[(np.abs(roots.imag) < _REAL * tau) & (roots.real >= 0.0)]
+            tau = min(float(real.min(initial=tau)), tau) if velocity > 0.0 else 0.0
+            end = 0.0
+        moved[k + 1] = moved[k] + velocity * tau + 0.5 * begins * tau**2 + slope * tau**3 / 6.0
+        velocity = end
+    return moved
 
 
 def upward_normal(dip: float, dip_direction: float, north: Sequence[float]) -> Floats:

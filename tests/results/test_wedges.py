@@ -14,7 +14,14 @@ import romdam
 from romdam.config.sections.wedges import WedgesConfig
 from romdam.core.errors import ConfigError
 from romdam.pipelines.wedges import assess_wedges
-from romdam.postprocess.wedges import slide, trend_and_plunge, upward_normal, wedge_geometry
+from romdam.postprocess.wedges import (
+    WedgeSliding,
+    permanent_displacement,
+    slide,
+    trend_and_plunge,
+    upward_normal,
+    wedge_geometry,
+)
 
 NORTH = (0.0, 1.0, 0.0)
 FOOT, POUND = 0.3048, 4.4482216152605  # [m], [N]
@@ -335,3 +342,19 @@ def test_the_example_of_the_manual_is_a_wedge():
     config, wedge, geometry = only(raw["wedges"]["left"])
     found = slide(geometry, wedge, active(config, wedge, geometry, wedge.thrust.force)[None])
     assert geometry.volume > 1e3 and 0.1 < found.factor[0] < 100.0
+
+
+def test_a_wedge_below_one_slides_as_newmarks_block():
+    """A push of 3 m/s2 more than it resists for 0.2 s, and 2 m/s2 less after: v^2 / 2 (1/3 + 1/2) in all."""
+    time = np.arange(0.0, 1.0005, 0.001)
+    excess = np.where((time >= 0.1) & (time < 0.3), 3.0, -2.0)
+    zero = np.zeros((len(time), 1))
+    sliding = WedgeSliding(
+        factor=np.full(len(time), 0.9), driving=500.0 * (excess + 4.0), resisting=np.full(len(time), 2000.0),
+        direction=np.zeros((len(time), 3)), normal_force=zero, contact=zero > 0.0,
+    )  # fmt: skip
+    moved = permanent_displacement(sliding, 500.0, time)
+    speed = 3.0 * 0.2
+    assert moved[-1] == pytest.approx(0.5 * speed**2 * (1.0 / 3.0 + 1.0 / 2.0), rel=5e-3)
+    assert (np.diff(moved) >= 0.0).all() and moved[99] == 0.0
+    assert moved[-1] == moved[np.searchsorted(time, 0.3 + speed / 2.0 + 0.01)]

@@ -215,6 +215,7 @@ ROWS: dict[str, Variable] = {
 # what a run gains besides its history
 STATED: dict[str, tuple[str, str]] = {
     "estimated_reduction_error": ("1", "estimated error of the openings in L2 from leaving out modes"),
+    "estimated_mesh_error": ("1", "estimated error of the openings in L2 from the mesh"),
     "wall_seconds": ("s", "wall time of the run; its share of the time where runs are integrated together"),
     "cpu_seconds": ("s", "CPU time of the run; its share of the time where runs are integrated together"),
 }

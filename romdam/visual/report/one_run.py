@@ -15,7 +15,7 @@ import romdam
 from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
-from romdam.core.round_off import NOTHING
+from romdam.core.round_off import NOTHING, ROUND_OFF
 from romdam.postprocess.maxima import explained, maxima, peak_ground_acceleration, peak_opening_time
 from romdam.postprocess.record_measures import stated_warnings
 from romdam.postprocess.responses import PARAMETER
@@ -217,7 +217,30 @@ def loads_section(subject: RunSubject) -> Section:
         ]
         head = ["joint", *(f"{axis} [{unit}]" for axis in "xyz")]
         parts.append(Table(head, rows, "Resultant of the water in joints, on block J"))
+    if "loads_at_rest" in dataset:
+        parts.append(_balance_table(subject))
     return Section("loads", "Loads", parts)
+
+
+def _balance_table(subject: RunSubject) -> Table:
+    """Forces and moments on the dam and its bodies at rest."""
+    dataset, rows, kinds = subject.dataset, list[list[Value]](), ("loads", "joints", "supports")
+    every = np.stack([dataset[f"{kind}_at_rest"].values for kind in kinds], axis=1)
+    forces, force_unit = subject.column("N", every[..., :3].ravel().tolist())
+    moments, moment_unit = subject.column("N m", every[..., 3:].ravel().tolist())
+    both = [np.reshape(values, (-1, 3)) for values in (forces, moments)]
+    for values in both:
+        values[np.abs(values) < ROUND_OFF * np.abs(values).max(initial=0.0)] = 0.0
+    lines = np.hstack(both).tolist()
+    for k, body in enumerate(map(str, dataset.body.values)):
+        left = f"{float(dataset.imbalance_at_rest[k]):.1e}"
+        rows += [
+            [body, kind, *lines[len(kinds) * k + i], Cell(left if i == 0 else "", "n")]
+            for i, kind in enumerate(kinds)
+        ]
+    head = ["body", "of", *(f"F {axis} [{force_unit}]" for axis in "xyz")]
+    head += [*(f"M {axis} [{moment_unit}]" for axis in "xyz"), "left, share"]
+    return Table(head, rows, "Forces at rest, moments about the middle of each body")
 
 
 def _construction_table(subject: RunSubject) -> Table:

@@ -18,6 +18,7 @@ from romdam.postprocess.responses import (
     repeated_text,
     response_of,
 )
+from romdam.postprocess.stated_errors import PARTS
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
     Code,
@@ -47,6 +48,8 @@ from romdam.visual.report.subject import Subject, plain, values_of
 from romdam.visual.style import STYLE
 
 _SHOWN = 5  # names of runs that failed with one message
+# variables of a summary that hold the errors of PARTS
+_ERRORS = "estimated_mesh_error", "estimated_reduction_error", "estimated_time_error"
 
 
 def suite_report(subject: Subject) -> Report:
@@ -186,11 +189,28 @@ def speed_section(subject: Subject) -> Section:
         ("finest_step", "finest step", 1e3, "ms"),
         ("estimated_time_error", "estimated error of the time stepping", 100.0, "%"),
         ("estimated_reduction_error", "estimated error of leaving out modes, openings in L2", 100.0, "%"),
+        ("estimated_mesh_error", "estimated error of the mesh, openings in L2", 100.0, "%"),
     ):
         values = factor * values_of(subject, name)
         if values.size:
             total = float(values.sum()) if unit == "s" else float("nan")
             rows.append([text, unit, float(np.median(values)), float(values.max()), total, int(values.size)])
+    errors = {
+        part: values_of(subject, name, keep=True)
+        for part, name in zip(PARTS, _ERRORS, strict=True)
+        if np.isfinite(values_of(subject, name, keep=True)).any()
+    }
+    if errors:
+        together = 100.0 * np.sum(list(errors.values()), axis=0)
+        together = together[np.isfinite(together)]
+        unknown = [part for part in PARTS if part not in errors]
+        text = "stated error of the openings, L2, at most" + (
+            f", {' and '.join(unknown)} unknown" if unknown else ""
+        )
+        if together.size:
+            rows.append(
+                [text, "%", float(np.median(together)), float(together.max()), float("nan"), together.size]
+            )
     both = [values_of(subject, name, keep=True) for name in ("energy_residual", "energy_input")]
     if all(runs.size for runs in both):
         share = 100.0 * np.abs(both[0]) / np.where(both[1] == 0.0, np.nan, np.abs(both[1]))
