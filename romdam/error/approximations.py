@@ -141,16 +141,26 @@ _MESH = (
     Approximation(
         "pressure at a single gap",
         ("scene.joints", "scene.mortar", "error.discretisation"),
-        "a mean over the gap's area, whose peak grows as areas shrink; meshes are compared by resultants",
-        "said in the result",
-        acts=lambda config: bool(config.every_joint),
+        "a mean over the gap's area, whose peak grows as areas shrink: the largest of each joint is compared",
+        "varied by",
+        ("discretisation",),
     ),
     Approximation(
-        "the spacing of contact points that a joint names (both meshes have the same)",
+        "contact points farther apart than the nodes",
         ("scene.patches", "pipelines.automatic_spacing"),
-        "openings, slips and pressure between contact points farther apart than nodes",
+        "openings, slips and pressure: compared with a gap at every node",
+        "varied by",
+        ("discretisation",),
+    ),
+    Approximation(
+        "the spacing of contact points that a joint names, without a statement of the mesh",
+        ("scene.patches",),
+        "the same, where `outputs.mesh_error` is false",
         "said in the result",
-        acts=lambda config: any(joint.spacing is not None for joint in config.every_joint.values()),
+        acts=lambda config: (
+            not config.outputs.mesh_error
+            and any(joint.spacing is not None for joint in config.every_joint.values())
+        ),
     ),
     Approximation(
         "automatic stiffness of joints",
@@ -382,10 +392,18 @@ _RECORDS = (
             "records.processing.correction:VelocityBaselineStep",
             "records.processing.correction_steps",
             "records.processing.corners",
+            "records.processing.final_motion",
         ),
         "PGA, PGV and Arias intensity",
         "said in the result",
-        ("records.processing.correction: the correction changes, along ",),
+        ("records.processing.final_motion: changes, along ",),
+    ),
+    Approximation(
+        "band in which an instrument's response is divided out",
+        ("records.processing.response",),
+        "motion outside of the band",
+        "said in the result",
+        ("records.obspy_bridge: the response was divided out from ",),
     ),
     Approximation(
         "length of the pads of a filter",
