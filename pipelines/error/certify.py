@@ -228,8 +228,7 @@ def _of_sample(job: Job, run: StoredRun) -> Job:
     config, source = job.config, str(job.path)
     places = varied_keys(job, suite)
     values = {name: float(str(run.attributes[PARAMETER + name])) for name in places}
-    varied = vary(config, places, values, source)
-    return replace(job, config=config.model_copy(update={"joints": varied.joints, "damping": varied.damping}))
+    return replace(job, config=vary(config, places, values, source).config)
 
 
 def _motion(job: Job, run: StoredRun) -> GroundMotion:

@@ -76,7 +76,9 @@ def structural_model(job: Job, model: Model, scene: Scene, varied: Varied) -> Mo
     dry, law = model.reduced.dry, gap_law(scene)
     factors = part_factors(model.scene, scene, str(job.path))
     directions = dry.system.law.directions
-    effects = scene_effects(scene, varied.damping, directions, Assembly(scene.blocks), dry.choice.solving)
+    effects = scene_effects(
+        scene, varied.config.damping, directions, Assembly(scene.blocks), dry.choice.solving
+    )
 
     def of_sample(dry: DryModel) -> ReducedModel:
         reduced = dry.scaled(factors).with_effects(effects)
@@ -90,8 +92,10 @@ def structural_model(job: Job, model: Model, scene: Scene, varied: Varied) -> Mo
 
 
 def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:
-    kept = varied.damping == job.config.damping
-    coefficients = None if kept else modal_coefficients(varied.damping, system.K.diagonal()[: system.solids])
+    kept = varied.config.damping == job.config.damping
+    coefficients = (
+        None if kept else modal_coefficients(varied.config.damping, system.K.diagonal()[: system.solids])
+    )
     return with_parameters(system, gap_law(scene), coefficients)
 
 

@@ -60,8 +60,9 @@ class Samples:
         varied = vary(job.config, self.places, self.values[number], str(job.path))
         if varied.structure:
             scene = vary_scene(scene, varied.config, str(job.path))
+        every = varied.config.every_joint
         joints = {
-            name: with_properties(joint, varied.joints[name], job.folder, str(job.path))
+            name: with_properties(joint, every[name], job.folder, str(job.path))
             for name, joint in scene.joints.items()
         }
         return replace(scene, joints=joints), varied
@@ -70,7 +71,7 @@ class Samples:
 def sample_content(scene: Scene, varied: Varied) -> str:
     """SHA-256 of one sample: its joints and damping, its materials and levels."""
     structure = (varied.structure,) if varied.structure else ()
-    return fingerprint((gap_law(scene), varied.damping.model_dump_json(), *structure))
+    return fingerprint((gap_law(scene), varied.config.damping.model_dump_json(), *structure))
 
 
 @dataclass(frozen=True)

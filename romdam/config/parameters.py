@@ -14,9 +14,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
-from romdam.config.sections.job import Config, DampingConfig, MaterialConfig, RayleighConfig
+from romdam.config.sections.job import OF_SAMPLE, Config, DampingConfig, MaterialConfig, RayleighConfig
 from romdam.config.sections.joint_laws import annotation
-from romdam.config.sections.joints import JointConfig
+from romdam.config.sections.joints import JointProperties
 from romdam.config.sections.loads import TemperatureConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.contact.laws import LAWS
@@ -53,6 +53,9 @@ _FIELD = {
 _JOINT = {**_places(LAWS), "gap": _GAP, **_FIELD}
 
 
+Location = tuple[str | int, ...]  # keys that lead to a number; ints count entries of a list
+
+
 @dataclass(frozen=True)
 class VariedKey:
     """A number in a configuration that a suite may vary.
@@ -60,19 +63,25 @@ class VariedKey:
     Attributes
     ----------
     path : as written, such as joints.J3.friction; several with commas between
-    joints : names of the joints it stands in; empty for damping
-    keys : of the joint or of `damping`
+    locations : keys of a `Config` that lead to each number; where a joint of a dam or a cut is named, it
+        stands in `joints`
+    joints : names of the joints it stands in; empty for others
+    keys : of the joint or of `damping`; the last one elsewhere
     units : of the SI value, UDUNITS
     parameter : what may stand there, of a joint
-    structure : where it stands in materials, water or loads; empty for joints and damping
     """
 
     path: str
+    locations: tuple[Location, ...]
     joints: tuple[str, ...]
     keys: tuple[str, ...]
     units: str
     parameter: Parameter | None = None
-    structure: tuple[str, ...] = ()
+
+    @property
+    def structure(self) -> tuple[str, ...]:
+        """Where it stands in materials, water or loads; empty for joints and damping."""
+        return () if self.joints or self.locations[0][0] == "damping" else tuple(map(_dotted, self.locations))
 
     @property
     def is_load(self) -> bool:
@@ -91,33 +100,42 @@ class Varied:
 
     Attributes
     ----------
-    joints, damping : its joints and its damping
-    config : the configuration with its materials and levels
-    structure : place in the configuration -> its value, of these
+    config : the configuration with its values
+    structure : place in the configuration -> its value, of materials, levels and temperatures
     """
 
-    joints: dict[str, JointConfig]
-    damping: DampingConfig
     config: Config
     structure: dict[str, float]
 
 
-def structure_places(config: Config) -> dict[str, float]:
-    """Every number of the materials, the water and the loads that a suite may vary, by its path; SI."""
-    places = {
-        f"materials.{name}.{key}": float(getattr(material, key))
+def _dotted(location: Location) -> str:
+    return ".".join(map(str, location))
+
+
+def _structure_places(config: Config) -> dict[Location, float]:
+    """Every number of the materials, the water and the loads that a suite may vary; SI."""
+    places: dict[Location, float] = {
+        ("materials", name, key): float(getattr(material, key))
         for name, material in config.materials.items()
         for key in ("E", "rho")
     }
     if config.water is not None:
-        places["water.level"] = config.water.level
+        places["water", "level"] = config.water.level
     for section in ("hydrostatic", "joint_water"):
         for k, load in enumerate(getattr(config.loads, section)):
-            places[f"loads.{section}.{k}.level"] = load.level
+            places["loads", section, k, "level"] = load.level
     for k, temperature in enumerate(config.loads.temperature):
         if temperature.change is not None:
-            places[f"loads.temperature.{k}.change"] = temperature.change
+            places["loads", "temperature", k, "change"] = temperature.change
     return places
+
+
+def varied_paths(config: Config) -> tuple[str, ...]:
+    """Every path of a configuration that a suite may vary, those of keys that are at their defaults too."""
+    joints = (f"{place}.{key}" for place, names in config.joint_places.items()
+              for key in _keys_of_all(config, names))  # fmt: skip
+    damping = (f"damping.{key}" for key in _DAMPING)
+    return (*joints, *damping, *map(_dotted, _structure_places(config)))
 
 
 def joints_at(config: Config, path: str) -> tuple[str, ...]:
@@ -127,28 +145,47 @@ def joints_at(config: Config, path: str) -> tuple[str, ...]:
     ----------
     path : of a joint's key, with * and ? for parts of names, or of what a dam or a cut makes its joints of
     """
-    section, _ = _section(config, path)
-    if section is None:
-        return ()
     places = config.joint_places
-    matching = (
-        [section] if section in places else [place for place in places if fnmatch.fnmatchcase(place, section)]
-    )
-    names = {name for place in matching for name in places[place]}
+    names = {name for place in _sections_at(config, path) for name in places[place]}
     return tuple(name for name in config.every_joint if name in names)
+
+
+def _sections_at(config: Config, path: str) -> list[str]:
+    """The sections of joints' keys in which a path names one; empty where it names none."""
+    section, _ = _section(config, path)
+    places = config.joint_places
+    if section is None:
+        return []
+    return [section] if section in places else [p for p in places if fnmatch.fnmatchcase(p, section)]
+
+
+def _location_of(section: str) -> Location:
+    """The keys that lead to a section of joints' keys, whose names may have points."""
+    root, _, rest = section.partition(".")
+    if root == "joints":
+        return root, rest
+    return (root, *((rest.removesuffix(".joints"), "joints") if root == "cut" else rest.split(".")))
 
 
 def _section(config: Config, path: str) -> tuple[str | None, str]:
     """A path as the section of a joint's keys, None where it ends in none of them, and the key."""
-    fields = sorted(_joint_keys(config), key=len, reverse=True)  # shear_key.depth before a key `depth`
+    # shear_key.depth before a key `depth`
+    fields = sorted({key for joint in config.every_joint for key in _joint_keys(config, joint)} | {*_JOINT},
+                    key=lambda key: (-len(key), key))  # fmt: skip
     field = next((key for key in fields if path.endswith(f".{key}")), "")
     return (path.removesuffix(f".{field}") if field else None), field
 
 
-def _joint_keys(config: Config) -> dict[str, Parameter]:
-    """Every key of a joint that can be varied, those of a user's laws too."""
-    users = {user.law for properties in config.every_joint.values() for user in properties.law}
+def _joint_keys(config: Config, joint: str) -> dict[str, Parameter]:
+    """Every key of a joint that can be varied, those of its user's laws too."""
+    users = {user.law for user in config.every_joint[joint].law}
     return {**_JOINT, **_places(sorted(users, key=law_order))}
+
+
+def _keys_of_all(config: Config, joints: Iterable[str]) -> list[str]:
+    """The keys that each of some joints has."""
+    first, *others = (_joint_keys(config, joint) for joint in joints)
+    return [key for key in first if all(key in keys for keys in others)]
 
 
 def find_varied_key(config: Config, paths: str | Sequence[str], name: str, source: str) -> VariedKey:
@@ -163,63 +200,83 @@ def find_varied_key(config: Config, paths: str | Sequence[str], name: str, sourc
     Raises
     ------
     ConfigError
-        for what changes the reduced basis, unknown joints and keys, and several paths of different keys.
+        for what changes the reduced basis, unknown joints and keys, several paths of different keys, and a
+        key that is another number in each of several joints' laws.
     """
     where = f"{source}: suite.parameters.{name}.path"
     paths = (paths,) if isinstance(paths, str) else paths
-    fields, joints = list[str](), list[str]()
-    known = structure_places(config)
-    places = [place for place in known if any(fnmatch.fnmatchcase(place, path) for path in paths)]
-    if places and all(fnmatch.filter(places, path) for path in paths):
+    fields, joints, locations = list[str](), list[str](), list[Location]()
+    known = {_dotted(place): place for place in _structure_places(config)}
+    places = [known[text] for text in known if any(fnmatch.fnmatchcase(text, path) for path in paths)]
+    if places and all(fnmatch.filter(known, path) for path in paths):
         return _structure_key(config, paths, places, where)
     for path in paths:
         root, _, rest = path.partition(".")
         if root == "damping" and rest in _DAMPING and len(paths) == 1:
-            return VariedKey(path, (), tuple(rest.split(".")), _DAMPING[rest])
+            keys = tuple(rest.split("."))
+            return VariedKey(path, ((root, *keys),), (), keys, _DAMPING[rest])
         section, field = _section(config, path)
-        named = joints_at(config, path)
-        if not named:
+        sections = _sections_at(config, path)
+        if not sections:
             raise ConfigError(f"{where}: {_why_not(config, path, section)}")
         fields.append(field)
-        joints += named
+        joints += joints_at(config, path)
+        locations += [(*_location_of(each), *field.split(".")) for each in sections]
     if len(set(fields)) > 1:
         raise ConfigError(
             f"{where}: the paths of a list have one key, got {listed(set(fields))}; make a "
             "parameter of each key"
         )
-    parameter = _joint_keys(config)[fields[0]]
-    units = _UDUNITS.get(parameter.unit, parameter.unit)
     ordered = tuple(joint for joint in config.every_joint if joint in joints)
-    return VariedKey(", ".join(paths), ordered, tuple(fields[0].split(".")), units, parameter)
+    parameter = _one_parameter(config, ordered, fields[0], where)
+    units = _UDUNITS.get(parameter.unit, parameter.unit)
+    at = tuple(dict.fromkeys(locations))
+    return VariedKey(", ".join(paths), at, ordered, tuple(fields[0].split(".")), units, parameter)
 
 
-def _structure_key(config: Config, paths: Sequence[str], places: Sequence[str], where: str) -> VariedKey:
+def _one_parameter(config: Config, joints: Sequence[str], key: str, where: str) -> Parameter:
+    """What may stand at a key of some joints, which is the same for all."""
+    parameters = {joint: _joint_keys(config, joint).get(key) for joint in joints}
+    if without := [joint for joint, parameter in parameters.items() if parameter is None]:
+        raise ConfigError(
+            f"{where}: {key!r} belongs to a law that {listed(without)} of the joints does not have; name the "
+            "joints that have it"
+        )
+    (first, parameter), *others = ((joint, p) for joint, p in parameters.items() if p is not None)
+    for joint, other in others:
+        if replace(other, meaning="", default=None) != replace(parameter, meaning="", default=None):
+            raise ConfigError(
+                f"{where}: {key!r} is of different laws in joints {first} and {joint}, with other units or "
+                "limits; make a parameter of each"
+            )
+    return parameter
+
+
+def _structure_key(config: Config, paths: Sequence[str], places: Sequence[Location], where: str) -> VariedKey:
     """A number of the materials, or levels of the water, which vary together where they are one."""
-    (key, *others) = dict.fromkeys(place.rpartition(".")[2] for place in places)
+    (key, *others) = dict.fromkeys(str(place[-1]) for place in places)
     if others:
         raise ConfigError(
             f"{where}: the paths of a list have one key, got {listed([key, *others])}; make a parameter of "
             "each key"
         )
     if key == "level":
-        values = structure_places(config)
+        values = _structure_places(config)
         levels = {values[place] for place in places}
-        left = [
-            p for p, value in values.items() if p.endswith(".level") and value in levels and p not in places
-        ]
+        left = [p for p, value in values.items() if p[-1] == key and value in levels and p not in places]
         if left:
             raise ConfigError(
-                f"{where}: {left[0]} is at the same {values[left[0]]:g} m and would not follow; name it too, "
-                "as path: [" + ", ".join([*places, *left]) + "]"
+                f"{where}: {_dotted(left[0])} is at the same {values[left[0]]:g} m and would not follow; "
+                "name it too, as path: [" + ", ".join(map(_dotted, [*places, *left])) + "]"
             )
         water = config.water
-        if "water.level" in places and water is not None and (water.mesh is not None or water.has_waves):
+        if ("water", "level") in places and water is not None and (water.mesh is not None or water.has_waves):
             what = "the mesh of the reservoir ends at it" if water.mesh else "its waves are reduced for it"
             raise ConfigError(
                 f"{where}: water.level cannot be varied, as {what}; take water.model: incompressible or "
                 "westergaard without a mesh, or run one suite for each level"
             )
-    return VariedKey(", ".join(paths), (), (key,), _STRUCTURE[key], None, tuple(places))
+    return VariedKey(", ".join(paths), tuple(places), (), (key,), _STRUCTURE[key])
 
 
 def refuse_unvaried(config: Config, source: str) -> None:
@@ -251,7 +308,8 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
             return f"no joint {what} {quote(joint)}; defined are {listed(known)}{meant}"
         return f"no joints are made of {quote(section)}; joints are of {listed(every)}{meant}"
     if root in ("joints", "damping"):
-        keys = [f"joints.<name>.{key}" for key in _joint_keys(config)] if root == "joints" else [*_DAMPING]
+        known_keys = dict.fromkeys(key for joint in config.every_joint for key in _joint_keys(config, joint))
+        keys = [f"joints.<name>.{key}" for key in known_keys or _JOINT] if root == "joints" else [*_DAMPING]
         near = difflib.get_close_matches(path.split(".")[-1], [key.split(".")[-1] for key in keys], n=1)
         meant = f"; did you mean {near[0]!r}?" if near else ""
         return f"{quote(path)} cannot be varied; in {root} can {', '.join(keys)}{meant}"
@@ -309,58 +367,80 @@ def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, f
     ConfigError
         for values that do not fit together.
     """
-    raw = {name: joint.model_dump(mode="json") for name, joint in config.every_joint.items()}
-    for name, joint in config.every_joint.items():
-        raw[name]["law"] = joint.law  # with their files, which are no part of what a configuration says
-    damping = config.damping.model_dump(mode="json", exclude_none=True)
-    structure = {
-        place: float(values[name]) for name, parameter in places.items() for place in parameter.structure
-    }
-    for name, parameter in places.items():
-        if parameter.structure:
-            continue
+    changes = dict[Location, float | str]()
+    for name, key in places.items():
         value = "rigid" if values[name] == float("inf") else float(values[name])
-        for section in [raw[joint] for joint in parameter.joints] if parameter.joints else [damping]:
-            target = section
-            *sections, last = parameter.keys
-            for key in sections:
-                inner = target.get(key)
-                target[key] = dict(inner) if isinstance(inner, dict) else {}
-                target = target[key]
-            target[last] = value
+        changes |= dict.fromkeys(key.locations, value)
+    # joints that a dam or a cut makes and that are named stand beside the section that makes them
+    named = {str(at[1]) for at in changes if at[0] == "joints"} - {*config.joints}
+    if named:
+        every = config.every_joint
+        config = config.model_copy(update={"joints": config.joints | {name: every[name] for name in named}})
     stated = ", ".join(f"{name} = {value:g}" for name, value in values.items())
-    joints = {
-        name: _checked(JointConfig, properties, f"{source}: sample {stated}: joints.{name}")
-        for name, properties in raw.items()
-    }
-    checked = _checked(DampingConfig, damping, f"{source}: sample {stated}: damping")
-    return Varied(joints, checked, _with_structure(config, structure), structure)
+    structure = {place: float(values[name]) for name, key in places.items() for place in key.structure}
+    return Varied(replace_values(config, changes, f"{source}: sample {stated}"), structure)
 
 
-def _with_structure(config: Config, structure: Mapping[str, float]) -> Config:
-    """The configuration with other materials, levels and temperatures."""
-    if not structure:
-        return config
-    materials, loads, water = dict(config.materials), config.loads, config.water
-    for place, value in structure.items():
-        section, _, rest = place.partition(".")
-        name, _, key = rest.rpartition(".")  # a material's name may have a point
-        if section == "materials":
-            materials[name] = materials[name].model_copy(update={key: value})
-        elif section == "water":
-            assert water is not None
-            water = water.model_copy(update={"level": value})
-        else:
-            kind, number = name.split(".")
-            entries = list(getattr(loads, kind))
-            entries[int(number)] = entries[int(number)].model_copy(update={key: value})
-            loads = loads.model_copy(update={kind: tuple(entries)})
-    return config.model_copy(update={"materials": materials, "loads": loads, "water": water})
+def replace_values(
+    model: Section, changes: Mapping[Location, object], source: str, at: Location = ()
+) -> Section:
+    """A frozen model with values at the ends of paths; every model on the way is validated, the whole last.
 
+    What is not on the way stays the object that it is. A section that is not there is begun.
 
-def _checked(model: type[Section], raw: object, source: str) -> Section:
-    """The section that a mapping makes, or its mistakes as a ConfigError."""
+    Parameters
+    ----------
+    changes : path -> value, all at once
+    source : of the model, for messages
+    at : path of this model in the whole
+
+    Raises
+    ------
+    ConfigError
+        for values that do not fit together.
+    """
+    by_key = dict[str | int, dict[Location, object]]()
+    for (key, *rest), value in changes.items():
+        location = (
+            (*_to_user_law(model, str(key)), *rest) if isinstance(model, JointProperties) else (key, *rest)
+        )
+        by_key.setdefault(location[0], {})[location[1:]] = value
+    values = {name: getattr(model, name) for name in model.model_fields_set}
+    plain = {name for name, value in values.items() if name not in by_key and not _holds_models(value)}
+    raw: dict[str, object] = values | model.model_dump(mode="json", include=plain)
+    for key, inner in by_key.items():
+        raw[str(key)] = _replaced(getattr(model, str(key)), inner, source, (*at, key))
     try:
-        return model.model_validate(raw)
+        return type(model).model_validate(raw, context={"si": True, OF_SAMPLE: True})
     except ValidationError as error:
-        raise ConfigError(explain(error, source, model)) from None
+        where = f"{source}: {_dotted(at)}" if at else source
+        raise ConfigError(explain(error, where, type(model))) from None
+
+
+def _replaced(value: object, changes: Mapping[Location, object], source: str, at: Location) -> object:
+    """What stands at a key, with values at the ends of paths from there."""
+    if () in changes:
+        return changes[()]
+    if isinstance(value, Model):
+        return replace_values(value, changes, source, at)
+    entries: dict[str | int, object] = {}
+    if isinstance(value, Mapping):
+        entries = dict(value)
+    elif isinstance(value, tuple):
+        entries = dict(enumerate(value))
+    for key in dict.fromkeys(location[0] for location in changes):
+        inner = {location[1:]: each for location, each in changes.items() if location[0] == key}
+        entries[key] = _replaced(entries.get(key), inner, source, (*at, key))
+    return tuple(entries.values()) if isinstance(value, tuple) else entries
+
+
+def _holds_models(value: object) -> bool:
+    if isinstance(value, Mapping):
+        return any(_holds_models(each) for each in value.values())
+    return isinstance(value, Model) or (isinstance(value, tuple) and any(map(_holds_models, value)))
+
+
+def _to_user_law(joint: JointProperties, key: str) -> Location:
+    """The path to a key of a joint: one of a user's law stands in `law`."""
+    number = next((k for k, user in enumerate(joint.law) if key in user.values), None)
+    return (key,) if number is None else ("law", number, "values", key)

@@ -41,8 +41,12 @@ def test_all_that_match_have_the_value_and_no_other_joint(config, path, joints):
     key = find_varied_key(config, path, "mu", "dam.yaml")
     assert {*key.joints} == joints and len(key.joints) == len(joints)
     varied = vary(config, {"mu": key}, {"mu": 0.4}, "dam.yaml")
-    assert {name for name, joint in varied.joints.items() if joint.friction == (0.4, 0.4)} == joints
-    assert {joint.friction for name, joint in varied.joints.items() if name not in joints} <= {(0.6, 0.6)}
+    assert {
+        name for name, joint in varied.config.every_joint.items() if joint.friction == (0.4, 0.4)
+    } == joints
+    assert {joint.friction for name, joint in varied.config.every_joint.items() if name not in joints} <= {
+        (0.6, 0.6)
+    }
 
 
 @pytest.mark.parametrize(

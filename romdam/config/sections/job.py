@@ -6,11 +6,11 @@ import difflib
 from collections.abc import Collection
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Field, Tag, ValidationInfo, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.construction import refuse_wrong_construction
-from romdam.config.coupling import coupling, refuse_coupled
+from romdam.config.coupling import couplings, refuse_coupled
 from romdam.config.effects import refuse_excluded
 from romdam.config.linear_stage import refuse_linear_stage
 from romdam.config.names import Name
@@ -49,6 +49,7 @@ from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import listed, quote
 from romdam.core.integrators import INTEGRATORS
 
+OF_SAMPLE = "of_sample"  # in the context of a validation: `joints` may have those that dams and cuts make
 NonNegative = Field(ge=0.0)
 Positive = Field(gt=0.0)
 Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
@@ -312,7 +313,7 @@ class Config(Model):
         }
 
     @model_validator(mode="after")
-    def _references(self) -> Self:
+    def _references(self, info: ValidationInfo) -> Self:
         if self.model.order == "full" and self.transient.finest_step is None:
             raise ValueError(
                 "transient.finest_step is missing; a full-order model needs a step, `accuracy` is for "
@@ -324,7 +325,7 @@ class Config(Model):
         self._refuse_state_of_no_such_model()
         self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
-        self._refuse_no_blocks()
+        self._refuse_no_blocks(of_sample=bool((info.context or {}).get(OF_SAMPLE)))
         self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
@@ -335,7 +336,7 @@ class Config(Model):
         if self.linear_stage is not None:
             refuse_linear_stage(self)
         refuse_wrong_ground(self.ground, self.arch_dam)
-        refuse_coupled(coupling(self), self.transient.integrator, varied)
+        refuse_coupled(couplings(self), self.transient.integrator, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
         refuse_wrong_motions(self.supports, self.ground.along, self.transient, several)
         for name, block in self.blocks.items():
@@ -442,7 +443,7 @@ class Config(Model):
             if there:
                 raise ValueError(f"{key}: a state belongs to one model, and {why}; {remedy}")
 
-    def _refuse_no_blocks(self) -> None:
+    def _refuse_no_blocks(self, *, of_sample: bool) -> None:
         if not self.block_names:
             raise ValueError("blocks: name at least one block, or give `arch_dam` or `gravity_dam`")
         if self.arch_dam and self.gravity_dam:
@@ -456,7 +457,7 @@ class Config(Model):
         makers = dict.fromkeys(dam.joint_pairs if dam else (), key)
         makers |= {name: f"cut.{whole}" for whole, cut in self.cut.items() for name in cut.joint_pairs}
         for name in self.joints:
-            if name in makers:
+            if name in makers and not of_sample:
                 raise ValueError(f"joints.{name}: {makers[name]} makes a joint of that name; rename this one")
         for inner, material in (dam.materials if dam else {}).items():
             self._known(f"{key}.{inner}", material, self.materials)
