@@ -137,7 +137,8 @@ def simulate_motions(
                 some, [ground(run_settings.steps.base) for ground in grounds], run_settings, progress
             )
         else:
-            histories = simulate_to(some, grounds, run_settings, accuracy, progress)
+            of_slips = job.config.transient.slip_accuracies
+            histories = simulate_to(some, grounds, run_settings, accuracy, progress, of_slips)
         outcomes.update(zip(group, histories, strict=True))
     return [_with_run_warnings(outcomes[i], prepared[i].system, motions[i]) for i in range(len(motions))]
 

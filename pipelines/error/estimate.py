@@ -18,7 +18,7 @@ from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import DryModel, ReducedModel, reduce_scene, reduce_scene_twice
 from romdam.timestepping.prepared import Prepared
-from romdam.timestepping.step_control import follows_base_step, hardly_cut
+from romdam.timestepping.step_control import follows_base_step, hardly_cut, names_of_errors
 
 
 def can_estimate(job: Job) -> bool:
@@ -108,7 +108,7 @@ def with_estimates(
     def of_steps() -> dict[str, float]:
         if "estimated_time_error" in history.stats:
             return {}
-        return {"estimated_time_error": estimate_steps(job, model.prepared, motion, history)}
+        return estimate_steps(job, model.prepared, motion, history)
 
     try:
         statement, more = at_once(of_modes, of_steps, model.mesh_unknowns)
@@ -119,8 +119,8 @@ def with_estimates(
     return replace(history, stats=history.stats | more), statement
 
 
-def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> float:
-    """Estimate what the steps of a run have changed in its openings and slips, relative, in L2.
+def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> dict[str, float]:
+    """Estimate what the steps of a run have changed, relative: of the openings, of slips and residual slips.
 
     The finest step is halved, and the base step where it makes an error; it is cut into three where joints
     have bonds or other memory, so that few instants are common to both runs. Where blocks rock on joints that
@@ -143,4 +143,5 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
     steps = prepared.integrator.steps(factor * finest, dt, settings.steps.interval)
     ground = ground_at_steps(motion, steps.base, job.config.transient.duration, prepared.system)
     other = replace(settings, steps=steps, shear_share=min(factor, 1.0))
-    return estimate_time_error(prepared, history, ground, other)
+    errors = estimate_time_error(prepared, history, ground, other)
+    return dict(zip(names_of_errors(len(errors)), map(float, errors), strict=True))

@@ -28,7 +28,7 @@ from romdam.error.statement import ErrorStatement, percent
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.step_control import jump_difference
+from romdam.timestepping.step_control import jump_differences
 
 WINDOW = 6.0  # [s], a twelfth of it after the largest opening
 QUIET = 0.02  # of a joint's squared opening increments: all that is left out at either end of the record
@@ -111,10 +111,11 @@ def _with_loose_contact(settings: Settings) -> Settings:
     return replace(settings, tolerance=max(settings.tolerance, _LOOSE))
 
 
-def estimate_time_error(prepared: Prepared, history: History, ground: Floats, other: Settings) -> float:
-    """Estimate what the steps of a run have changed in its openings and slips, relative, in L2.
+def estimate_time_error(prepared: Prepared, history: History, ground: Floats, other: Settings) -> Floats:
+    """Estimate what the steps of a run have changed in what moves, see `jump_differences`.
 
-    What joints with bonds or other memory keep is not in a written row: there the whole record is run again.
+    (1,) of openings, or (3,) of openings, slips and residual slips where joints carry shear. What joints with
+    bonds or other memory keep is not in a written row: there the whole record is run again.
 
     Parameters
     ----------
@@ -130,7 +131,8 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     itself, law = FinerModel(prepared, csr_matrix(eye(prepared.system.size))), prepared.system.law
     if law.directions == 1 and not law.laws:
         opening, better, _ = _openings(itself, history, ground, other)
-        return relative_l2(opening, better) / _SEEN
+        at_rest = history.jump[0, :, 0]
+        return np.array([relative_l2(opening - at_rest, better - at_rest) / _SEEN])
     longer, interval = other.steps.finest > history.stats["finest_step"], other.steps.interval
     rows = slice(0, len(history.time))
     if longer:
@@ -141,7 +143,7 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     jump = run_window(itself, history, ground, other, rows).jump
     jump = continued(history.jump, jump, rows, max(1, round(_REST / interval)))
     coarse, fine = (jump, history.jump) if longer else (history.jump, jump)
-    return jump_difference(coarse, fine) / _SEEN
+    return jump_differences(coarse, fine)[: 3 if law.directions > 1 else 1] / _SEEN
 
 
 def _openings(

@@ -45,6 +45,13 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
         )
+    for name in ("slips", "residual_slips"):
+        wanted, found = stats.get(f"accuracy_{name}"), stats.get(f"estimated_time_error_{name}")
+        if wanted is not None and found is not None and not found <= wanted:
+            sentences.append(
+                f"the steps change the {name.replace('_', ' ')} by about {100 * found:.2g} %, wanted was "
+                f"{100 * wanted:g} %: not reached at the finest step allowed, {stats['finest_step']:.3g} s"
+            )
     if not stats.get("quasi_static_mass", 0.0) <= _MASS:
         sentences.append(
             f"modes with {stats['quasi_static_mass']:.0%} of the effective mass follow joint forces alone, "

@@ -154,11 +154,24 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     if "solver_estimated_time_error" not in attrs:
         return "error not estimated; transient.accuracy instead of transient.finest_step does"
     estimate = float(str(attrs["solver_estimated_time_error"]))
+    slips = "".join(_slip_error(attrs, name) for name in ("slips", "residual_slips"))
     if "solver_accuracy" not in attrs:
-        return f"error about {100 * estimate:.2g} % of the openings in L2, by half of the step"
+        return f"error about {100 * estimate:.2g} % of the openings in L2{slips}, by half of the step"
     wanted = float(str(attrs["solver_accuracy"]))
     verdict = "" if estimate <= wanted else ", NOT reached at the finest step allowed"
-    return f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}), by refining the step"
+    return (
+        f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}){slips}, by refining "
+        "the step"
+    )
+
+
+def _slip_error(attrs: Mapping[str, object], name: str) -> str:
+    """State what is known of the time-stepping error of slips, or of residual slips."""
+    key, wanted = f"solver_estimated_time_error_{name}", attrs.get(f"solver_accuracy_{name}")
+    if key not in attrs:
+        return ""
+    asked = "" if wanted is None else f" (wanted {100 * float(str(wanted)):g} %)"
+    return f", {100 * float(str(attrs[key])):.2g} % of the {name.replace('_', ' ')}{asked}"
 
 
 def _of_the_run(dataset: xr.Dataset) -> str:

@@ -177,7 +177,7 @@ class Case:
         history = simulate_motion(self.job, prepared, self.motion, SECONDS)
         stated = history.stats.get("estimated_time_error")
         if stated is None:
-            stated = estimate_steps(self.job, prepared, self.motion, history)
+            stated = estimate_steps(self.job, prepared, self.motion, history)["estimated_time_error"]
         return history.jump, stated, history.stats
 
     def at_equal_steps(self, step: float) -> Floats:

@@ -28,7 +28,7 @@ from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 from romdam.timestepping.simulate import simulate_one
-from romdam.timestepping.step_control import jump_difference
+from romdam.timestepping.step_control import jump_differences
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from bench_damping_slip import RECORD, monolith
@@ -80,11 +80,11 @@ def measure(record: Path, pga: float, cutoff: float) -> Floats:
     run = simulate_motion(job, prepared, motion, SECONDS)
     between = cpu_time()
     said = (
-        estimate_steps(job, prepared, motion, run),
+        estimate_steps(job, prepared, motion, run)["estimated_time_error"],
         estimate_run(job, finer, motion, run).errors["opening"].l2,
     )
     cost = (cpu_time() - between) / (between - begin)
-    steps = jump_difference(run.jump, jumps(reduced.system, FINER))
+    steps = jump_differences(run.jump, jumps(reduced.system, FINER))[0]
     truth = jumps(reduce_scene(scene, ALL_MODES, job.config.damping).system, 1)
     return np.array([said[0], steps, said[1], relative_l2(run.jump[..., 0], truth[..., 0]), cost])
 

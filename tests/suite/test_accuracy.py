@@ -1,5 +1,6 @@
 """The step that an accuracy asks for, and the error that is stated with it."""
 
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -98,11 +99,10 @@ def test_coordinates_of_some_rows_are_those_of_all(cantilevers):
 
 def test_a_check_counts_its_time_and_allows_for_what_it_leaves_out():
     """A check off by a tenth; what it leaves out of the squares is taken to be four times as wrong."""
-    measured, check = np.ones((4, 1)), SimpleNamespace(stats={"loop_cpu_seconds": 2.0})
-    whole = _Trial(measured=measured, runs=1, cpu=3.0, parts=(8.0,)).checked(check, 1.1 * measured)
-    early = _Trial(measured=measured, runs=1, cpu=3.0, parts=(8.0,), rows=2).checked(
-        check, 1.1 * measured[:2]
-    )
+    measured, check = np.arange(4.0)[:, None], SimpleNamespace(stats={"loop_cpu_seconds": 2.0})
+    trial = _Trial({"openings": ACCURACY}, measured=measured, runs=1, cpu=3.0, parts=(8.0,))
+    whole = trial.checked(check, 1.1 * measured)
+    early = replace(trial, rows=2).checked(check, 1.1 * measured[:2])
     assert whole.difference == pytest.approx(0.1)
     assert early.difference == pytest.approx(0.1 * np.sqrt(1.0 + 0.005 * (4.0**2 - 1.0)))
     assert whole.cpu == early.cpu == 5.0 and whole.runs == 2

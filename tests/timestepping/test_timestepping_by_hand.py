@@ -7,7 +7,7 @@ import pytest
 
 from romdam.core.system import ENERGY_TERMS, History
 from romdam.timestepping.energy import ENERGIES, imbalance, ledger
-from romdam.timestepping.step_control import error_over_difference, jump_difference
+from romdam.timestepping.step_control import error_over_difference, jump_differences
 from romdam.timestepping.steps import Steps, cut_steps, grid_steps
 from romdam.timestepping.support_motion import add_support_motion
 
@@ -65,26 +65,27 @@ def test_error_of_the_finer_of_two_runs(order, coarse, fine, factor):
 
 
 @pytest.mark.parametrize(
-    ("opening", "slip", "last", "difference"),
+    ("opening", "slip", "last", "differences"),
     [
-        (0.5, 0.0, 0.0, 0.1),  # of 3 and 4: 5
-        (0.0, 0.75, 0.0, 0.75 / 26**0.5),  # of (3, 4) and (0, 1): sqrt 26
-        (0.0, 0.0, 0.1, 0.2),  # twice 0.1 of the last, 1
+        (0.5, 0.0, 0.0, (0.1, 0.0, 0.0)),  # of 3 and 4: 5
+        (0.0, 0.75, 0.0, (0.0, 0.75 / 26**0.5, 0.0)),  # of (3, 4) and (0, 1): sqrt 26
+        (0.0, 0.0, 0.1, (0.0, 0.1 / 26**0.5, 0.1 / 1.0)),  # 0.1 of the last, 1
     ],
 )
-def test_difference_of_two_runs(opening, slip, last, difference):
-    """Rows (3; 3, 4) and (4; 0, 1) of one gap: the opening, the slip and the slip that is left."""
-    fine = np.array([[[3.0, 3.0, 4.0]], [[4.0, 0.0, 1.0]]])
-    coarse = fine + np.array([[[opening, slip, 0.0]], [[0.0, 0.0, last]]])
-    assert jump_difference(coarse, fine) == pytest.approx(difference, rel=1e-12)
+@pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (-200.0, 7.0, 9.0)])
+def test_differences_of_two_runs(opening, slip, last, differences, start):
+    """Rows (3; 3, 4) and (4; 0, 1) of one gap, from a start to which all is relative: a gap of 200, say."""
+    fine = np.array([[[0.0, 0.0, 0.0]], [[3.0, 3.0, 4.0]], [[4.0, 0.0, 1.0]]]) + start
+    coarse = fine + np.array([[[0.0, 0.0, 0.0]], [[opening, slip, 0.0]], [[0.0, 0.0, last]]])
+    assert jump_differences(coarse, fine) == pytest.approx(differences, rel=1e-12)
 
 
 def test_slip_that_is_hardly_left_is_measured_by_a_twentieth_of_the_largest():
-    """0.001 of 0.05 max(100, 0.01), not of 0.01: 2 0.001 / 5."""
-    fine = np.array([[[0.0, 60.0, 80.0]], [[0.0, 0.0, 0.01]], [[0.0, 0.0, 0.01]]])
+    """0.001 of 0.05 max(100, 0.01), not of 0.01: 0.001 / 5."""
+    fine = np.array([[[0.0, 0.0, 0.0]], [[0.0, 60.0, 80.0]], [[0.0, 0.0, 0.01]], [[0.0, 0.0, 0.01]]])
     coarse = fine.copy()
-    coarse[2, 0, 2] += 0.001
-    assert jump_difference(coarse, fine) == pytest.approx(0.002 / 5.0, rel=1e-9)
+    coarse[3, 0, 2] += 0.001
+    assert jump_differences(coarse, fine)[2] == pytest.approx(0.001 / 5.0, rel=1e-9)
 
 
 def test_moving_supports_add_motion_and_strain_energy():

@@ -321,6 +321,7 @@ class Config(Model):
             )
         if self.model.modes == "auto" and self.transient.accuracy is None:
             raise ValueError("model.modes: auto needs transient.accuracy, which it is to meet; give it")
+        self._refuse_accuracy_of_no_slips()
         self._refuse_automatic_spacing_that_nothing_judges()
         self._refuse_state_of_no_such_model()
         self._refuse_damping_that_the_integrator_does_not_know()
@@ -487,6 +488,22 @@ class Config(Model):
             raise ValueError(
                 "outputs.mesh_error: transient.accuracy.total states the error of the mesh that it chooses; "
                 "leave one of the two out"
+            )
+
+    def _refuse_accuracy_of_no_slips(self) -> None:
+        asked = next(iter(self.transient.slip_accuracies), None)
+        if asked is None:
+            return
+        laws = [(law, joint.law_keys) for joint in self.every_joint.values() for law in joint.every_law]
+        if not any(law.needs_shear(keys) for law, keys in laws):
+            raise ValueError(
+                f"transient.accuracy.{asked}: no joint of the job carries shear, so none has slips; "
+                "leave it out, or give a joint `friction` and `shear_stiffness`"
+            )
+        if not self.damping.acts:
+            raise ValueError(
+                f"transient.accuracy.{asked}: without `damping` runs are compared by their peak openings, "
+                "not by slips; leave it out, or give damping"
             )
 
     def _refuse_automatic_spacing_that_nothing_judges(self) -> None:

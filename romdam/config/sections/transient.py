@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
+from pydantic import Discriminator, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, Tag, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from romdam.config.base import Model, by_shape
+from romdam.config.base import Model, shape
 from romdam.config.quantities import Dimensionless, Time
 from romdam.core.errors import listed, quote
 from romdam.core.integrators import INTEGRATORS
@@ -61,10 +61,49 @@ class TotalAccuracy(Model):
     """Quantity that it is of."""
 
 
+class StepAccuracy(Model):
+    """Accuracy of the time stepping, quantity by quantity: the step is refined until each of them is kept.
+
+    Errors are relative to what moves: to openings and slips less those at the start.
+    """
+
+    openings: Annotated[Dimensionless, Field(ge=1e-4, le=MOST_ACCURACY)] | None = None
+    """Relative error of the openings in L2; the largest of the other two if not given."""
+    slips: Annotated[Dimensionless, Field(ge=1e-4, le=MOST_ACCURACY)] | None = None
+    """Relative error of the slips in L2; for joints that carry shear."""
+    residual_slips: Annotated[Dimensionless, Field(ge=1e-4, le=MOST_ACCURACY)] | None = None
+    """Relative error of the slips at the end, over all gaps; for joints that carry shear."""
+
+    @model_validator(mode="after")
+    def _at_least_one(self) -> Self:
+        if not self.values:
+            raise ValueError("give at least one of `openings`, `slips` and `residual_slips`")
+        return self
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Those that are given."""
+        every = {"openings": self.openings, "slips": self.slips, "residual_slips": self.residual_slips}
+        return {name: value for name, value in every.items() if value is not None}
+
+
+def _kind(value: object) -> str:
+    """Tell an accuracy of all, which names its `total`, from those of the steps and from a number."""
+    if isinstance(value, TotalAccuracy) or (isinstance(value, dict) and {"total", "of"} & {*value}):
+        return "mapping"
+    return "quantities" if shape(value) == "mapping" else shape(value)
+
+
 Accuracy = Annotated[
     Annotated[Dimensionless, Field(ge=1e-4, le=MOST_ACCURACY), Tag("number")]
-    | Annotated[TotalAccuracy, Tag("mapping")],
-    by_shape("an accuracy of the steps such as 1 %, or {total: 2 %} of mesh, modes and steps together"),
+    | Annotated[TotalAccuracy, Tag("mapping")]
+    | Annotated[StepAccuracy, Tag("quantities")],
+    Discriminator(
+        _kind,
+        custom_error_type="shape",
+        custom_error_message="expected an accuracy of the openings such as 1 %, {openings: 1 %, slips: 2 %, "
+        "residual_slips: 5 %}, or {total: 2 %} of mesh, modes and steps together",
+    ),
 ]
 
 
@@ -78,8 +117,8 @@ class TransientConfig(Model):
     finest_step: Annotated[Time, Positive] | None = None
     """The smallest step that the time stepping may take."""
     accuracy: Accuracy | None = None
-    """Accuracy of the time stepping: the step is refined until its estimated error is below. With `total`
-    that of mesh, modes and steps together, which chooses the mesh too."""
+    """Accuracy of the time stepping, of the openings or quantity by quantity: the step is refined until its
+    estimated error is below. With `total` that of mesh, modes and steps, which chooses the mesh too."""
     duration: Annotated[Time, Positive] | None = None
     """Time at which a run ends, before its record does; refused where nothing but rest is left of it."""
     integrator: IntegratorName | None = None
@@ -110,5 +149,16 @@ class TransientConfig(Model):
 
     @property
     def step_accuracy(self) -> float | None:
-        """Error in L2 that the steps may leave, and the modes as much; None where a step is given."""
-        return REST_SHARE * self.accuracy.total if isinstance(self.accuracy, TotalAccuracy) else self.accuracy
+        """Error of the openings in L2 that the steps may leave, and the modes as much; None with a step."""
+        if isinstance(self.accuracy, TotalAccuracy):
+            return REST_SHARE * self.accuracy.total
+        if isinstance(self.accuracy, StepAccuracy):
+            return self.accuracy.openings or max(self.accuracy.values.values())
+        return self.accuracy
+
+    @property
+    def slip_accuracies(self) -> dict[str, float]:
+        """Errors that the steps may leave of "slips" and "residual_slips", where they are asked for."""
+        if not isinstance(self.accuracy, StepAccuracy):
+            return {}
+        return {name: value for name, value in self.accuracy.values.items() if name != "openings"}

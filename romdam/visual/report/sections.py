@@ -94,16 +94,21 @@ def scene_section(subject: Subject) -> Section | None:
     return Section("scene", "Scene", [side_by_side(picture(sketch, caption))])
 
 
+def _accuracies(subject: Subject) -> dict[str, float]:
+    """Accuracies that a suite's configuration asks for, that of a number being of the openings."""
+    asked = subject.configuration.get("transient", {}).get("accuracy") or {}
+    every = asked.items() if isinstance(asked, dict) else [("openings", asked)]
+    return {name: float(str(value)) for name, value in every if name != "of" and value is not None}
+
+
 def what_was_run_section(subject: Subject) -> Section:
     """Size of the suite, what it varies, and with what model."""
     summary, config = subject.summary, subject.configuration
     model, transient = config.get("model", {}), config.get("transient", {})
     scale = ", ".join(f"{value:g}" for value in summary.scale.values)
     unit = unit_text(str(summary.scale.attrs.get("units", "1")))
-    accuracy = transient.get("accuracy")
-    step = (
-        f"accuracy {100 * float(str(accuracy)):g} %" if accuracy else f"step {transient.get('finest_step')} s"
-    )
+    accuracies = ", ".join(f"{100 * value:g} % of {name}" for name, value in _accuracies(subject).items())
+    step = f"accuracy {accuracies}" if accuracies else f"step {transient.get('finest_step')} s"
     modes = f"{model['modes']} a block" if model.get("modes") else f"up to {model.get('cutoff')} Hz"
     rows: list[list[Value]] = [
         ["records", str(summary.sizes["record"])],
@@ -180,7 +185,7 @@ def records_section(subject: Subject) -> Section:
 
 def speed_section(subject: Subject) -> Section:
     """Time that a run takes, and its estimated errors."""
-    asked = subject.configuration.get("transient", {}).get("accuracy")
+    asked = _accuracies(subject).get("openings")
     rows: list[list[Value]] = []
     for name, text, factor, unit in (
         ("wall_seconds", "wall time of a run", 1.0, "s"),
@@ -227,9 +232,9 @@ def speed_section(subject: Subject) -> Section:
         )
     if asked:
         error = values_of(subject, "estimated_time_error")
-        over = int((error > float(str(asked))).sum())
+        over = int((error > asked).sum())
         notes.append(
-            f"The time-stepping error asked for was {100 * float(str(asked)):g} %; "
+            f"The time-stepping error asked for was {100 * asked:g} %; "
             f"{over} of {error.size} runs estimate more."
         )
     head = ["quantity", "unit", "median", "largest", "all runs", "n"]
