@@ -13,8 +13,8 @@ same places i (gaps, or components of displacement). Both measures are relative 
     bound of    max |x - y| / max_ti y, over the times and gaps at which x or y is within NEAR of the largest
     the peak    opening: two peaks may agree by chance, or lie at other instants; this is never less
 
-What is compared moves: callers take the value at rest of y (its first row) from both, so that an initial gap
-or the weight's own displacement makes no error small. Each is 0 where y is 0 throughout. A joint's error is
+What is compared moves: callers take the values at rest (the first row) from both, so that an initial gap or
+the weight's own displacement makes no error small. Each is 0 where y is 0 throughout. A joint's error is
 measured on its own gaps alone and relative to its own history; but a joint that hardly moves, by less than
 FLOOR of all, is measured by FLOOR of all: in L2 by that share of the root mean square over all joints' gaps,
 in its peak by that share of the largest opening of all. So is a component of a node's displacement, by FLOOR
@@ -57,18 +57,18 @@ class RelativeError:
 
 
 def from_rest(values: Floats, better: Floats, rest: Floats | None = None) -> tuple[Floats, Floats]:
-    """Return both histories (nt, ...) less the better one's value at rest: errors are relative to what moves.
+    """Return histories (nt, ...) less their values at rest, so that an error is relative to what moves.
 
     Where nothing moves but by round-off they stay as they are.
 
     Parameters
     ----------
-    rest : (...) the better one's first row if not given
+    rest : (...) of both; each one's first row if not given
     """
-    rest = better[0] if rest is None else rest
-    if np.abs(better - rest).max(initial=0.0) <= _STILL * np.abs(better).max(initial=0.0):
+    start, better_start = (values[0], better[0]) if rest is None else (rest, rest)
+    if np.abs(better - better_start).max(initial=0.0) <= _STILL * np.abs(better).max(initial=0.0):
         return values, better
-    return values - rest, better - rest
+    return values - start, better - better_start
 
 
 def relative_l2(values: Floats, better: Floats, least: float = 0.0) -> float:

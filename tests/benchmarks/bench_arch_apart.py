@@ -136,7 +136,9 @@ def rock(raw: dict[str, Any], path: Path) -> None:
     assert config.arch_dam is not None
     materials = {name: Material(m.E, m.nu, m.rho) for name, m in config.materials.items()}
     block = next(
-        each for name, each in arch_dam(config.arch_dam, materials, "dam").blocks.items() if "rock" in name
+        each
+        for name, each in arch_dam(config.arch_dam, materials, "dam", absorbs=False).blocks.items()
+        if "rock" in name
     )
     mesh = meshio.Mesh(
         block.points,

@@ -29,6 +29,14 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 Parsed = tuple[float, list[np.ndarray]]  # interval [s], samples in the file's unit
 
 
+def _found(pattern: str, text: str) -> re.Match[str]:
+    """The first match; a file of a known form has one."""
+    match = re.search(pattern, text)
+    if match is None:
+        raise ValueError(f"no {pattern}")
+    return match
+
+
 def parsed(path: Path) -> Parsed | None:
     """Interval and samples of a file; None for a form that is not known here."""
     text = path.read_bytes().decode("latin-1").replace("\r", "")
@@ -36,16 +44,16 @@ def parsed(path: Path) -> Parsed | None:
     if path.suffix.lower() == ".at2":
         return _peer(lines)
     if "STRONG GROUND MOTION RECORDS OF TURK" in lines[0]:
-        interval = float(re.search(r"INTERVAL.*?:\s*([\d.]+)", text)[1])
+        interval = float(_found(r"INTERVAL.*?:\s*([\d.]+)", text)[1])
         return interval, _columns([line.split() for line in lines[18:]])
     if lines[0].startswith("SITE CODE"):
-        return 1.0 / float(re.search(r"RATE=\s*(\d+)", text)[1]), _columns([x.split(",") for x in lines[7:]])
+        return 1.0 / float(_found(r"RATE=\s*(\d+)", text)[1]), _columns([x.split(",") for x in lines[7:]])
     if "EQUALLY SPACED INTERVALS" in text:
-        interval = float(re.search(r"INTERVALS OF:\s*([\d.]+)", text)[1])
+        interval = float(_found(r"INTERVALS OF:\s*([\d.]+)", text)[1])
         return interval, [_series(lines[lines.index("") :])]
     if lines[0].startswith("Origin Time"):
-        gal, counts = re.search(r"(\d+)\(gal\)/(\d+)", text).groups()
-        rate = float(re.search(r"Freq\(Hz\)\s*(\d+)", text)[1])
+        gal, counts = _found(r"(\d+)\(gal\)/(\d+)", text).groups()
+        rate = float(_found(r"Freq\(Hz\)\s*(\d+)", text)[1])
         return 1.0 / rate, [_series(lines[17:]) * float(gal) / float(counts) * 0.01]
     return None
 

@@ -41,7 +41,7 @@ from random_scenes import count_nodes, draw_scene
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 import romdam
-from romdam.core.arrays import Floats
+from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import RomdamError, describe_error, recoverable
 from romdam.core.files import replacing
 
@@ -71,7 +71,7 @@ class Response:
     histories: dict[str, Floats]
     opening: Floats
     slip: Floats | None
-    places: dict[str, tuple[Floats, Floats, Floats]]
+    places: dict[str, tuple[Ints, Floats, Floats]]
     faces: dict[str, Floats]
     time: Floats
 
@@ -86,7 +86,7 @@ class Response:
         names, joint_of = [str(name) for name in ds.joint.values], np.array(ds.gap_joint)
         tangent, position = np.array(ds.gap_tangent), np.array(ds.gap_position)
         area, rest = np.array(ds.gap_area), np.array(ds.normal_force)[0]
-        places, forces = {}, []
+        places, forces = dict[str, tuple[Ints, Floats, Floats]](), list[Floats]()
         for k, name in enumerate(names):
             gaps = np.flatnonzero(joint_of == (k if joint_of.dtype.kind in "iu" else name))
             plane = position[gaps] @ tangent[gaps[0]].T

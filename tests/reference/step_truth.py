@@ -46,7 +46,7 @@ def line(case: Case, finest: float) -> str:
         for own in (settings_of(case, prepared, step) for step in (finest, finest / FINER))
     )
     true = relative_l2(run.jump[..., 0], truth.jump[..., 0])
-    said = estimate_steps(case.job, prepared, case.motion, run)
+    said = estimate_steps(case.job, prepared, case.motion, run)["estimated_time_error"]
     return (
         f"{case.name:30s} {1e3 * finest:6.3g} ms  true {100 * true:7.3f} %  said {100 * said:7.3f} %  "
         f"{said / true:5.2f}\n"
