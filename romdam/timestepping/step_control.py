@@ -22,7 +22,8 @@ _FRACTION = 1.0 / 400.0  # of the longest period: the finest step that leaves ab
 _LIMIT = 0.01  # accuracy below which shorter ones are needed
 _USUAL_HALVINGS = 3  # of the coarse step, where the period is not known
 _MOST_HALVINGS = 9  # of the coarse step, before the accuracy is reported as missed; limit
-_ORDERS = (0.25, 1.3)  # believed range of the order at which the error falls with the step; friction: 0.25
+_ORDERS = (0.5, 1.3)  # believed range of the order at which the error falls with the step
+_ORDERS_OF_FRICTION = (0.25, 1.3)  # the same of plain friction: on stiff joints it begins at 0.25 to 0.4
 _UNEVEN = 9.0 / 8.0  # more parts in every second run, so that successive steps are no multiples: 4, 9, 16, 36
 _SAFETY = 1.25  # of estimates by three such runs, see `simulate_to`
 _UNEVEN_BASE = 2  # halvings of the base step from which on it is uneven, too
@@ -375,8 +376,9 @@ class _Trial:
             estimate = difference * error_over_difference(_USUAL_ORDER, last, parts)
             return replace(known, difference=difference, estimate=estimate)
         (first,) = before
+        believed = _ORDERS if self.checks or self.uneven else _ORDERS_OF_FRICTION
         orders = [
-            _order_of_error(one, other, first, last, parts)
+            _order_of_error(one, other, (first, last, parts), believed)
             for one, other in zip(self.difference, difference, strict=True)
         ]
         factors = [error_over_difference(order, last, parts) for order in orders]
@@ -436,18 +438,20 @@ def error_over_difference(order: float, coarse: float, fine: float) -> float:
     return 1.0 / ((fine / coarse) ** order - 1.0)
 
 
-def _order_of_error(former: float, difference: float, first: float, last: float, parts: float) -> float:
+def _order_of_error(
+    former: float, difference: float, parts: tuple[float, float, float], believed: tuple[float, float]
+) -> float:
     """Order at which three runs differ as they do, within what is believed.
 
     Parameters
     ----------
     former, difference : of the first two runs, and of the last two
-    first, last, parts : into which the three divided a step
+    parts : into which the three divided a step
     """
     if not former > 0.0:
         return _USUAL_ORDER
-    orders = np.linspace(*_ORDERS, 161)
-    coarse, middle, fine = (divided**-orders for divided in (first, last, parts))
+    orders = np.linspace(*believed, 161)
+    coarse, middle, fine = (divided**-orders for divided in parts)
     return float(orders[np.argmin(np.abs((middle - fine) / (coarse - middle) - difference / former))])
 
 
