@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from romdam.config.coupling import coupling
+from romdam.config.coupling import couplings
 from romdam.config.load import Job
 from romdam.config.sections.floor_spectra import FloorSpectraConfig
 from romdam.core.errors import ConfigError, describe_error, recoverable
@@ -39,7 +39,7 @@ def refuse_fast_oscillators(job: Job, motions: Iterable[GroundMotion]) -> None:
     if asked is None:
         return
     config, fixed = job.config, {"modal", "generalized_alpha"}  # one step throughout, the finest
-    one_step = config.transient.integrator in fixed or config.model.order == "full" or bool(coupling(config))
+    one_step = config.transient.integrator in fixed or config.model.order == "full" or bool(couplings(config))
     for motion in motions:
         step = grid_steps(motion.dt, outputs.output_interval).base
         if finest is not None and (finest > motion.dt * _SLACK or one_step):

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.coupling import coupling
+from romdam.config.coupling import couplings
 from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.config.study_meshes import MeshVariant, reference_meshes, studied_meshes
 from romdam.core.errors import ConfigError, ConvergenceError, MeshError, ReductionError, placed
@@ -169,7 +169,7 @@ def refuse_study(job: Job) -> None:
         raise ConfigError(
             f"{job.path}: model.order is full, a study is about reduced models; set it to reduced"
         )
-    if coupled := coupling(job.config):
+    for coupled in couplings(job.config):
         raise ConfigError(
             f"{job.path}: {coupled.key}: a study compares integrators of modes that nothing couples, and "
             f"{coupled.by} couple them; {coupled.remedy}"

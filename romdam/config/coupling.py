@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from romdam.config.effects import has_viscous_boundary
+from romdam.config.effects import EFFECTS, acting_effects, has_viscous_boundary
 from romdam.core.integrators import INTEGRATORS
 
 if TYPE_CHECKING:
@@ -24,26 +24,38 @@ class Coupling(NamedTuple):
     of_solids: bool = True
 
 
-def coupling(config: Config) -> Coupling | None:
-    """Tell what couples the modes of a job; None where nothing does."""
+# effects that leave modes as they are, each by itself; "modal damping" is of them
+_KEEP_MODES_APART = {
+    "moving supports", "motion along", "Westergaard's added mass", "incompressible water", "staged weight",
+    "staged construction", "force histories", "temperature", "water in joints", "grouting", "modal damping",
+}  # fmt: skip
+_COUPLE = {"viscous boundary", "free field", "compressible water"}  # as `couplings` says, with their remedies
+
+
+def couplings(config: Config) -> tuple[Coupling, ...]:
+    """Everything that couples the modes of a job."""
+    every = list[Coupling]()
     if has_viscous_boundary(config):
         key = "ground.viscous" if config.ground.viscous else "arch_dam.rock.boundary"
         remedy = "hold the rock by supports (`boundary: fixed`) and give it `mass: false`"
-        return Coupling(key, "dashpots of viscous faces", remedy)
+        every.append(Coupling(key, "dashpots of viscous faces", remedy))
     if config.water is not None and config.water.has_waves:
-        return Coupling("water.model", "compressible water", "set water.model: incompressible", False)
+        every.append(Coupling("water.model", "compressible water", "set water.model: incompressible", False))
     for name, block in config.blocks.items():
         if block.matrices is not None and block.matrices.damping is not None:
             remedy = "leave it out: damping.rayleigh then damps this block too"
-            return Coupling(f"blocks.{name}.matrices.damping", "a damping matrix", remedy)
-    return None
+            every.append(Coupling(f"blocks.{name}.matrices.damping", "a damping matrix", remedy))
+    for name in sorted(acting_effects(config) - _KEEP_MODES_APART - _COUPLE):
+        every.append(Coupling(EFFECTS[name].key, f"{name}, which nothing here is known of,", "leave it out"))
+    return tuple(every)
 
 
-def refuse_coupled(coupled: Coupling | None, integrator: str | None, varied: Collection[str]) -> None:
+def refuse_coupled(every: Sequence[Coupling], integrator: str | None, varied: Collection[str]) -> None:
     """Refuse what needs modes that nothing couples.
 
     Parameters
     ----------
+    every : what couples them
     integrator : that is asked for, if any
     varied : paths of what samples of a suite vary
 
@@ -52,16 +64,16 @@ def refuse_coupled(coupled: Coupling | None, integrator: str | None, varied: Col
     ValueError
         with the key and the remedy.
     """
-    if coupled is None:
-        return
     ratios = [path for path in varied if path.startswith("damping.")]
-    if ratios and coupled.of_solids:
+    for coupled in every if ratios else ():
+        if not coupled.of_solids:
+            continue
         raise ValueError(
             f"suite.parameters: {len(ratios)} of damping varied, limit 0 with {coupled.by} "
             f"({coupled.key}): they are "
             f"in the modes' damping too; vary joints, or {coupled.remedy}"
         )
-    if integrator is not None and INTEGRATORS[integrator].uncoupled:
+    for coupled in every if integrator is not None and INTEGRATORS[integrator].uncoupled else ():
         raise ValueError(
             f"transient.integrator: {integrator} needs modes that nothing couples, and {coupled.by} "
             f"({coupled.key}) "

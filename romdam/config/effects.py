@@ -80,6 +80,11 @@ EXCLUDED = {
 } | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 
+def acting_effects(config: Config) -> set[str]:
+    """Names of the effects that a job asks for."""
+    return {name for name, effect in EFFECTS.items() if effect.acts(config)}
+
+
 def refuse_excluded(config: Config) -> None:
     """Refuse effects that physics does not let act together.
 
@@ -88,7 +93,6 @@ def refuse_excluded(config: Config) -> None:
     ValueError
         with the key, the physics and the remedy.
     """
-    present = [name for name, effect in EFFECTS.items() if effect.acts(config)]
-    for pair in combinations(present, 2):
+    for pair in combinations(sorted(acting_effects(config)), 2):
         if message := EXCLUDED.get(frozenset(pair)):
             raise ValueError(message)
