@@ -45,7 +45,7 @@ def test_an_effect_that_is_not_known_is_refused_by_name(dashpots):
     with pytest.raises(ConfigError, match=r"1 of damping varied.*dashpots.*joints.<name>.dashpots"):
         parse_config(job(suite=OVER_THE_RATIO), "s.yaml")
     with pytest.raises(
-        ConfigError, match="linear_stage: joints.<name>.dashpots is dashpots, which is not known"
+        ConfigError, match=r"linear_stage: joints.<name>.dashpots is dashpots, which is not known"
     ):
         parse_config(job(linear_stage={}), "s.yaml")
 
