@@ -30,6 +30,7 @@ from romdam.timestepping.integrators.registry import integrator_class, suitable_
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
+from romdam.timestepping.soundness import refuse_active_damping
 from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import grid_steps
 from romdam.timestepping.uplift import with_uplift_at_rest
@@ -79,6 +80,8 @@ def prepare(
     """
     transient = job.config.transient
     name = integrator or transient.integrator or suitable_integrator(system)
+    with placed(job.path):
+        refuse_active_damping(system)
     prepared_before = {} if like is None else like.symmetries
     ready = grouted(constructed(system, transient.tolerance), transient.tolerance)
     if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows

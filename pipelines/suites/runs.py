@@ -92,11 +92,12 @@ def structural_model(job: Job, model: Model, scene: Scene, varied: Varied) -> Mo
 
 
 def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:
-    kept = varied.config.damping == job.config.damping
-    coefficients = (
-        None if kept else modal_coefficients(varied.config.damping, system.K.diagonal()[: system.solids])
+    before, after = job.config.damping, varied.config.damping
+    omega2 = system.K.diagonal()[: system.solids]
+    both = (
+        None if before == after else (modal_coefficients(before, omega2), modal_coefficients(after, omega2))
     )
-    return with_parameters(system, gap_law(scene), coefficients)
+    return with_parameters(system, gap_law(scene), both)
 
 
 @one_thread()

@@ -472,6 +472,12 @@ class Scene:
     load_order: tuple[str, ...] = LOAD_KINDS
 
     @property
+    def extent(self) -> float:
+        """Largest of the edges of a box around all blocks [m]."""
+        points = np.concatenate([block.points for block in self.blocks.values()])
+        return float(np.ptp(points, axis=0).max())
+
+    @property
     def gap_position(self) -> Floats:
         """(ng, 3) of all gaps, joint after joint [m]."""
         return np.concatenate([joint.position for joint in self.joints.values()])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -418,6 +419,7 @@ class System:
     initial : state of another run that runs begin with; None where they begin as `Settings` say
     construction : stages that it is still to go through; None without, and once it has
     built : the joints in the stages that it has gone through; None without
+    extent : size of the mesh, beyond which nothing moves in a sound run; inf where there is none [m]
     """
 
     M: csr_matrix
@@ -445,6 +447,7 @@ class System:
     construction: ConstructionPlan | None = None
     built: BuiltStages | None = None
     load_steps: Mapping[str, Floats] = field(default_factory=dict)
+    extent: float = math.inf
 
     @property
     def size(self) -> int:
@@ -518,12 +521,13 @@ class System:
         return replace(self, load=load, motions=motions)
 
 
-def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> System:
+def with_parameters(system: System, law: GapLaw, damping: tuple[Floats, Floats] | None) -> System:
     """Give the same blocks other joints' parameters and damping.
 
     Parameters
     ----------
-    damping : (m,) modal coefficients c [1/s] of the solids' modes, or None to keep the system's own
+    damping : modal coefficients c [1/s] of the solids' modes, (m,) before and (m,) after; None to keep the
+        system's own. What damps besides stays
 
     Raises
     ------
@@ -543,12 +547,13 @@ def with_parameters(system: System, law: GapLaw, damping: Floats | None) -> Syst
         B, more = csr_matrix(B[::reduced]), None if more is None else csr_matrix(more[::reduced])
         moving = None if moving is None else moving.normal(reduced)
     C = system.C
-    if damping is not None and system.diagonal:
-        C = csr_matrix(diags_array(np.asarray(damping, dtype=float)))
-    elif damping is not None:  # beside water with waves
-        change = np.zeros(system.size)
-        change[: system.solids] = damping - C.diagonal()[: system.solids]
-        C = csr_matrix(C + diags_array(change))
+    if damping is not None:
+        before, after = damping
+        diagonal = C.diagonal()
+        own = diagonal[: system.solids]
+        changed = diagonal.copy()
+        changed[: system.solids] = np.where(own == before, after, own + (after - before))
+        C = csr_matrix(diags_array(changed) if system.diagonal else C + diags_array(changed - diagonal))
     return replace(system, law=law, B=B, C=C, at_point=more, pseudo_static=moving)
 
 

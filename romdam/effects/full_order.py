@@ -70,6 +70,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         floating=not all(held),
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
         initial=scene.initial,
+        extent=scene.extent,
     )
     coordinates: Coordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))
     for effect in effects:

@@ -253,6 +253,7 @@ def _reduced_scene(
             reduced=True,
             at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
             initial=scene.initial,
+            extent=scene.extent,
         )
         report: dict[str, object] = {name: block.report for name, block in basis.items()}
         model = DryModel(system, basis, report, choice).with_effects(effects)

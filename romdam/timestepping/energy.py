@@ -55,9 +55,14 @@ def ledger(
     }
 
 
+def exchanged(energy: Mapping[str, Floats]) -> float:
+    """Largest energy that was exchanged, of a scene at rest a small part of what rests in it [J]."""
+    moved = max(float(np.ptp(energy[name])) for name in _EXCHANGED)
+    rests = max(float(np.abs(energy[name]).max()) for name in _EXCHANGED)
+    return max(moved, _AT_REST * rests)
+
+
 def imbalance(energy: Mapping[str, Floats]) -> float:
     """Tell how far a ledger is open: its largest residual over the largest energy that was exchanged."""
-    exchanged = max(float(np.ptp(energy[name])) for name in _EXCHANGED)
-    rests = max(float(np.abs(energy[name]).max()) for name in _EXCHANGED)
-    size = max(exchanged, _AT_REST * rests)
+    size = exchanged(energy)
     return float(np.abs(energy["residual"]).max()) / size if size > 0.0 else 0.0

@@ -12,8 +12,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.core.final_state import FinalState, law_key, model_signature
 from romdam.core.integrators import INTEGRATORS
-from romdam.core.recorded import GAP_QUANTITIES
-from romdam.core.system import GapLaw, History
+from romdam.core.system import History
 from romdam.timestepping.energy import imbalance
 from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.protocol import Outcome, Progress
@@ -21,6 +20,7 @@ from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.load_order import order_warnings
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
+from romdam.timestepping.soundness import sound
 from romdam.timestepping.support_motion import add_support_motion
 
 _SAME = 1e-6  # of the largest value: round-off of another reduction is below 1e-9
@@ -111,7 +111,7 @@ def simulate(
                 history = replace(history, built=system.built)
             if every_step:
                 history = thinned(history, settings.steps.base, stride)
-        outcomes[i] = _finite(history, simulation.prepared.system.law)
+        outcomes[i] = sound(history, simulation.prepared.system)
     return outcomes
 
 
@@ -177,33 +177,3 @@ def history_of(outcome: Outcome) -> History:
     if isinstance(outcome, ConvergenceError):
         raise outcome
     return outcome
-
-
-def _finite(history: History, law: GapLaw) -> Outcome:
-    """The history, or the error that it is none: numbers that are not finite pass every comparison."""
-    of_gaps = {of.title: getattr(history, name) for name, of in GAP_QUANTITIES.items() if of.moved}
-    series = {
-        **of_gaps,
-        "displacement": history.disp,
-        "velocity": history.vel,
-        "acceleration": history.acc,
-        **{f"energy {name}": values for name, values in history.energy.items()},
-    }
-    for name, values in series.items():
-        finite = np.isfinite(values)
-        if not finite.all():
-            row, *where = np.argwhere(~finite)[0]
-            at = f" at {law.gap_name(int(where[0]))}" if name in of_gaps else ""
-            return ConvergenceError(
-                f"t = {history.time[row]:.6g} s: the {name}{at} is {values[(row, *where)]}, which is no "
-                "number, though its step had passed for converged; look for stiffnesses, densities and units "
-                "of extreme size, or take a finer transient.finest_step"
-            )
-    for name, values in history.peaks.items():
-        if not np.isfinite(values).all():
-            i = int(np.argmin(np.isfinite(values)))
-            return ConvergenceError(
-                f"the peak of {name} at {law.gap_name(i)} is {values[i]}, which is no "
-                "number; look for stiffnesses, densities and units of extreme size"
-            )
-    return history

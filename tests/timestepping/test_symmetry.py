@@ -106,7 +106,7 @@ def test_what_was_found_serves_other_parameters_and_another_damping_to_the_bit(m
     x, found, system = np.array([0]), {}, in_modes(mirrored())
     merge_equivalent_contacts(system, x, found)
     softer = dataclasses.replace(system.law, K_n=np.full(8, 1.7e4), gap=np.full(8, 3e-4))
-    other = with_parameters(system, softer, 0.13 * np.sqrt(system.K.diagonal()))
+    other = with_parameters(system, softer, (system.C.diagonal(), 0.13 * np.sqrt(system.K.diagonal())))
     fresh = merge_equivalent_contacts(other, x)
     with monkeypatch.context() as patched:
         patched.setattr(symmetry, "_equivalence", lambda *of: pytest.fail("sought again"))
