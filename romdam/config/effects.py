@@ -93,6 +93,7 @@ def refuse_excluded(config: Config) -> None:
     ValueError
         with the key, the physics and the remedy.
     """
-    for pair in combinations(sorted(acting_effects(config)), 2):
+    acting = acting_effects(config)
+    for pair in combinations([name for name in EFFECTS if name in acting], 2):
         if message := EXCLUDED.get(frozenset(pair)):
             raise ValueError(message)

@@ -13,6 +13,7 @@ from romdam.timestepping.energy import exchanged
 _ROUND_OFF = 1e-12  # of the largest coefficient of damping
 _INDEFINITE = 1e-8  # of a damping matrix with a unit diagonal: the least eigenvalue of round-off is above -it
 _GIVEN = 1e-6  # of the energy exchanged: round-off of a ledger is below 1e-10
+_RESTING = 1e-9  # of the energy that rests in the scene: what is given below it is round-off
 _REMEDY = "look for stiffnesses, densities and units of extreme size, or take a finer transient.finest_step"
 
 
@@ -92,7 +93,8 @@ def _given_by_damping(history: History) -> ConvergenceError | None:
     if damping is None or not len(damping):
         return None
     least, row = float(damping.min()), int(np.argmin(damping))
-    if least >= -_GIVEN * exchanged(history.energy):
+    resting = max(float(np.abs(history.energy[name]).max()) for name in ("strain", "joint_stored"))
+    if least >= -max(_GIVEN * exchanged(history.energy), _RESTING * resting):
         return None
     return ConvergenceError(
         f"t = {history.time[row]:.6g} s: damping has given {-least:.3g} J on the whole, limit 0; of several "

@@ -161,7 +161,7 @@ def test_a_pressure_is_the_total_force_along_the_normal(tmp_path):
     total = wave | {"unit": "kN", "direction": [0, 5, 0], "scale": 80.0}
     one, other = result(with_keys(wave)), result(with_keys(total))
     np.testing.assert_allclose(
-        one.displacement, other.displacement, rtol=0, atol=1e-12 * float(abs(one.displacement).max())
+        one.displacement, other.displacement, rtol=0, atol=1e-11 * float(abs(one.displacement).max())
     )
     np.testing.assert_allclose(one.applied_force, other.applied_force, rtol=1e-12)
     exact = 8e4 * np.interp(one.time, [0, 0.05, 0.3], [0, 30, -10], right=0.0)

@@ -155,7 +155,8 @@ def test_reduced_blocks_go_out_and_come_back(friction, form, tmp_path):
     exported(scene, tmp_path, model)
     config = read_back(raw(friction), form, (*EXPORTED, "inertia", "force"))
     config["loads"]["pressure"] = []
-    same(history(built(config, tmp_path)), history(scene, model))
+    # pressure comes with the weight, as one load: of the states at rest that friction leaves it finds another
+    same(history(built(config, tmp_path)), history(scene, model), 1e-9 if friction == 0.0 else 1e-3)
 
 
 def test_a_free_reduced_block_comes_back_with_its_weight(tmp_path):

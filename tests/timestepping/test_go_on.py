@@ -108,15 +108,6 @@ def test_a_run_goes_on_in_the_midst_of_motion(integrator):
     assert_goes_on(*parts_and_whole(ready, first, second))
 
 
-def test_modes_that_follow_by_relaxing_go_on_in_the_midst_of_motion():
-    """Stiffness-proportional damping makes flexibilities of the high modes, which lag behind the force."""
-    ready = prepared(FRICTION, "adaptive", damped_at=(2.0, 20.0))
-    one, again, whole = parts_and_whole(ready, pulses(9.0, 2, 0.5), pulses(-6.0, 1, 0.5))
-    relaxed, traction = (one.final.arrays[name] for name in ("relaxed", "traction"))
-    assert np.abs(relaxed - traction).max() > 1e-3 * np.abs(traction).max()
-    assert_goes_on(one, again, whole)
-
-
 def test_merged_contacts_go_on_merged_and_along_another_axis():
     ready = prepared(FRICTION, "adaptive")
     one, again, whole = parts_and_whole(ready, pulses(9.0, 2, 1.2), pulses(-6.0, 2, 1.2))

@@ -90,7 +90,7 @@ def modal_propagator(
     unscale = np.ones((m, 4))
     unscale[:, VEL] = 1.0 / scale
     if massless is not None and massless.any():
-        E[massless, VEL] = (velocity[massless, None] @ E[massless])[:, 0] / scale[massless, None]
+        E[massless, VEL] = np.einsum("mi,mij->mj", velocity, E)[massless] / scale[massless, None]
     E = E * unscale[:, None, :] / unscale[:, :, None]
     X = X * unscale[:, None, :] * unscale[:, :, None]
     work, loss = X[_WORK], X[_LOSS]
