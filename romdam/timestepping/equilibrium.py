@@ -46,7 +46,7 @@ from romdam.timestepping.settings import Settings, Start
 _SHIFT = (2.0 * np.pi * 0.5) ** 2  # [1/s2] proximal term: far below the bonded structure, far above round-off
 _GROWTH, _CALM, _SHRINK = 16.0, 4, 0.25  # of it: where a step fails, and after so many that did not
 _MOST_SHIFT = (2.0 * np.pi * 1000.0) ** 2  # [1/s2] where the blocks no longer move
-_BALANCED = 1e-10  # of the largest load: what moves under less moves by round-off, where nothing holds it
+_BALANCED = 1e-10  # of the largest load: less, left unbalanced, is round-off
 _MAX_ITERATIONS = 500  # of the static iteration in an increment; limit
 _HALVINGS = 4  # of an increment whose equilibrium is not found
 _MOST_WATER = 200  # equilibria of an increment, until the gaps keep the water that has entered
@@ -377,10 +377,10 @@ class _Search:
                 q, calm = q + moved, calm + 1
                 slowed, size = max(step.shift / _SHIFT, 1.0), max(np.abs(q).max(), _NO_MOTION)
                 least_move = max(rest * size, _ROUND_OFF * np.abs(free).max())
-                left = (
-                    step.shift * np.abs(system.M @ moved).max()
-                )  # of the forces that are not in balance yet
-                rests = left <= _BALANCED * np.abs(force).max() or slowed * np.abs(moved).max() <= least_move
+                rests = step.shift == 0.0 or slowed * np.abs(moved).max() <= least_move
+                # where nothing holds it, what is left of the loads by round-off moves it for ever
+                left = step.shift * np.abs(system.M @ moved).max()
+                rests = rests or (iteration > _DOUBTFUL and left <= _BALANCED * np.abs(force).max())
                 if rests and unsettled <= rest:
                     self.q, self.gaps = q, gaps
                     return step.problem

@@ -455,9 +455,9 @@ _FAULTS = [
         ("min(left / 2.0, MOST_ACCURACY)", "min(left, MOST_ACCURACY)"),
     ),
     *_in(
-        "pipelines/run.py",
+        "pipelines/error/sibling.py",
         ("tests/error/test_mesh_error.py", "-k", "every_run"),
-        ('finer = asked == "finer"', 'finer = asked != "coarser"'),
+        ('store, finer=asked == "finer")', 'store, finer=asked != "coarser")'),
     ),
     *_in(
         "pipelines/error/study.py",

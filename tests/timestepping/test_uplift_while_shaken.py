@@ -64,13 +64,13 @@ def test_what_opens_later_has_what_was_asked_for(integrator, order):
     assert 1.0 < rest < 3.0 and "crack_water_force" not in frozen
     for name, more in (("zero", -water), ("full", full - water)):
         result = results[name]
-        assert result.water_pressure.values == pytest.approx(frozen.water_pressure.values, rel=1e-9)
+        assert result.water_pressure.values == pytest.approx(frozen.water_pressure.values, rel=1e-7)
         assert result.opening.values[0] == pytest.approx(frozen.opening.values[0], abs=1e-11)
         force, opened = result.crack_water_force.values, result.opening.values > 0.0
         assert (force[0] == 0.0).all() and (force[:, y < rest] == 0.0).all()
         beyond = opened & (y > rest)
         assert beyond.any(axis=0).sum() >= 2
-        assert force[beyond] == pytest.approx(np.broadcast_to(more, force.shape)[beyond], rel=1e-9)
+        assert force[beyond] == pytest.approx(np.broadcast_to(more, force.shape)[beyond], rel=1e-7)
         stays = ~opened[1:] & ~opened[:-1]  # what is lost waits for a force that can carry it
         every_step = result.sizes["time"] > 500
         assert name == "zero" or not every_step or (force[1:][stays] == 0.0).all()
