@@ -53,7 +53,7 @@ def error_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     from romdam.postprocess.stated_errors import total_text
 
     parts = "steps", "mesh"
-    head = ("modes, L2 [%]", "modes, peak, at most [%]", *(f"{part}, all joints, L2 [%]" for part in parts))
+    head = ("modes, L2 [%]", "modes, peak [%]", *(f"{part}, all joints, L2 [%]" for part in parts))
     head = (*head, "total, all joints, at most, L2")
     table = _table("Estimated error of the openings", ("record", "joint"), head)
     for record, dataset in results.items():
