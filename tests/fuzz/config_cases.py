@@ -298,7 +298,7 @@ def _suite() -> dict[str, Any]:
         }
     ]
     raw["damping"] = {"rayleigh": {"alpha": 0.5, "beta": 1e-3}}
-    raw["transient"] = {"accuracy": 0.05}
+    raw["transient"] = {"accuracy": {"openings": 0.05, "slips": 0.1, "residual_slips": 0.2}}
     raw["joints"]["gap"]["gap"] = {"table": "gaps.csv"}
     raw["joints"]["gap"]["field"] = {
         "of": ["friction", "friction_static"],
