@@ -14,6 +14,7 @@ _ROUND_OFF = 1e-12  # of the largest coefficient of damping
 _INDEFINITE = 1e-8  # of a damping matrix with a unit diagonal: the least eigenvalue of round-off is above -it
 _GIVEN = 1e-6  # of the energy exchanged: round-off of a ledger is below 1e-10
 _RESTING = 1e-9  # of the energy that rests in the scene: what is given below it is round-off
+_FAR = 100.0  # times the size of the model: what is pulled off flies farther than it is large
 _REMEDY = "look for stiffnesses, densities and units of extreme size, or take a finer transient.finest_step"
 
 
@@ -104,7 +105,7 @@ def _given_by_damping(history: History) -> ConvergenceError | None:
 
 def _beyond_the_model(history: History, system: System) -> ConvergenceError | None:
     """The error where something moves farther than the mesh is large."""
-    law, limit = system.law, system.extent + float(np.abs(system.law.gap).max(initial=0.0))
+    law, limit = system.law, _FAR * system.extent + float(np.abs(system.law.gap).max(initial=0.0))
     moved = list[tuple[str, float]]()
     for name in ("opening", "slip"):
         peaks = np.abs(history.peaks.get(name, np.zeros(0)))
@@ -114,7 +115,7 @@ def _beyond_the_model(history: History, system: System) -> ConvergenceError | No
     for what, size in moved:
         if size > limit:
             return ConvergenceError(
-                f"the {what} is {size:.3g} m, limit {limit:.3g} m, the size of the model: no equation of "
+                f"the {what} is {size:.3g} m, limit {limit:.3g} m, {_FAR:g} times the size of the model: no equation of "
                 f"small displacements holds there; {_REMEDY}"
             )
     return None
