@@ -115,7 +115,7 @@ def _beyond_the_model(history: History, system: System) -> ConvergenceError | No
     for what, size in moved:
         if size > limit:
             return ConvergenceError(
-                f"the {what} is {size:.3g} m, limit {limit:.3g} m, {_FAR:g} times the size of the model: no equation of "
+                f"the {what} is {size:.3g} m, limit {limit:.3g} m, {_FAR:g} times the model: no equation of "
                 f"small displacements holds there; {_REMEDY}"
             )
     return None
