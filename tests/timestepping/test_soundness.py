@@ -1,4 +1,4 @@
-"""Runs that no physics has fail: damping that gives energy, and motion beyond the times the model."""
+"""Runs that no physics has fail: damping that gives energy, and motion beyond times the model."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -49,10 +49,10 @@ def test_negative_and_indefinite_damping_is_refused(system):
 def test_a_run_that_damping_feeds_fails(system, integrator):
     simulated(system, PULSE, DT, integrator)
     fed = replace(system, C=-0.5 * system.C)
-    with pytest.raises(ConvergenceError, match=r"damping has given [0-9.e+]+ J|the times the model"):
+    with pytest.raises(ConvergenceError, match=r"damping has given [0-9.e+]+ J|times the model"):
         simulated(fed, PULSE, DT, integrator)
 
 
 def test_a_peak_beyond_the_size_of_the_model_fails(system):
-    with pytest.raises(ConvergenceError, match="limit 20 m, the times the model"):
+    with pytest.raises(ConvergenceError, match="limit 20 m, times the model"):
         simulated(system, 1e5 * PULSE, DT, "adaptive")
