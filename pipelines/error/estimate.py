@@ -122,9 +122,11 @@ def with_estimates(
 def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> dict[str, float]:
     """Estimate what the steps of a run have changed, relative: of the openings, of slips and residual slips.
 
-    The finest step is halved, and the base step where it makes an error; it is cut into three where joints
-    have bonds or other memory, so that few instants are common to both runs. Where blocks rock on joints that
-    alone hold them, the finest step is doubled, unless it is the base step.
+    The finest step is quartered, for half of it may repeat most of the run's error: of 22 random scenes three
+    were stated at 0.40 to 0.46 of the truth and one at 2.6 times it with half; with a quarter all at 0.53 to
+    1.4. The base step is halved where it makes an error; it is cut into three where joints have bonds or
+    other memory, so that few instants are common to both runs. Where blocks rock on joints that alone hold
+    them, the finest step is doubled, unless it is the base step.
 
     Raises
     ------
@@ -132,7 +134,7 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
         where a step does not converge.
     """
     finest, settings = history.stats["finest_step"], settings_for(job, prepared, motion)
-    law, factor, parts = prepared.system.law, 0.5, 1
+    law, factor, parts = prepared.system.law, 0.25, 1
     if rocks_on_joints(prepared.system) and 2.0 * finest <= history.stats["base_step"]:
         factor = 2.0
     elif law.laws:

@@ -767,7 +767,7 @@ _STATEMENTS = (
     Approximation(
         "a statement of the steps itself",
         ("error.estimate", "timestepping.step_control"),
-        "half of the steps see eight tenths of their error, and orders between 0.5 and 1.3 are believed",
+        "a quarter of the steps sees nine tenths of their error, and orders between 0.5 and 1.3 are believed",
         "bounded by test",
         ("timestepping/test_friction_events.py::"
          "test_what_is_stated_of_plain_friction_is_not_below_half_of_the_truth",

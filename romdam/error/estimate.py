@@ -3,7 +3,7 @@
 A finer reduced model, made with the same factors, is started from the run's own state and integrated around
 the largest opening. How far the two part there is about what the run is off. Where joints slide it goes on
 through all rows in which they move: before, the two are one; after, how far they are apart is what slip left.
-Steps are judged likewise, by the same model with half of them. Where they were chosen for an accuracy,
+Steps are judged likewise, by the same model with a quarter of them. Where they were chosen for an accuracy,
 `romdam.timestepping.step_control` has stated that already.
 
 Histories of blocks that joints alone hold part in time, however little they differ at first. Cheaper means
@@ -32,7 +32,7 @@ from romdam.timestepping.step_control import jump_differences
 
 WINDOW = 6.0  # [s], a twelfth of it after the largest opening
 QUIET = 0.02  # of a joint's squared opening increments: all that is left out at either end of the record
-_SEEN = 0.8  # of the error of a run's steps, which half of them shows; twice of them where blocks rock
+_SEEN = 0.9  # of the error of a run's steps, which a quarter of them shows; twice of them where blocks rock
 LATE = 0.2  # of all joints' where blocks rock: models part by where they begin, not by when they end
 _LOOSE = 1e-4  # tolerance of contact where blocks rock: sweeps end at single precision, statements are equal
 _REST = 1.0  # [s] at the window's end, over which the two models' distance is averaged
@@ -121,7 +121,7 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     ----------
     prepared : the system of the run
     ground : (3, nt) ground acceleration at every base step of `other` [m/s2]
-    other : the settings of `history`, with half of its finest step; where `rocks_on_joints`, or with twice it
+    other : the settings of `history`, with a quarter of its finest step; or twice it, where `rocks_on_joints`
 
     Raises
     ------

@@ -71,6 +71,7 @@ def test_what_is_stated_adds_up_and_what_is_not_is_unknown():
         "discretisation_opening_l2": 0.04,
         "discretisation_section_force_peak": 0.5,
         "discretisation": '{"not_resolved": ["section_force"]}',
+        "error_estimate": "Leaving out modes changes the openings by about 2 % in L2.",
         "error_estimate_opening_l2": 0.02,
         "solver_estimated_time_error": 0.01,
     }
@@ -79,6 +80,8 @@ def test_what_is_stated_adds_up_and_what_is_not_is_unknown():
     assert stated["total"] == {"opening": {"l2": pytest.approx(0.07)}}
     assert stated["mesh"]["section_force"] == {"peak": 0.5}
     assert lost == {"section_force"}
+    del attrs["error_estimate"], attrs["error_estimate_opening_l2"]  # with all modes none is stated
+    assert stated_errors(attrs)[0]["total"] == {"opening": {"l2": pytest.approx(0.05)}}
     del attrs["solver_estimated_time_error"]
     assert stated_errors(attrs)[0]["modes+steps"] == {}
 
