@@ -23,6 +23,7 @@ from romdam.records.processing.support_motions import add_support_rows, late_war
 from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.construction import constructed
+from romdam.timestepping.contact_resolution import resolution_warnings
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.protocol import Outcome, Progress
@@ -147,10 +148,10 @@ def simulate_motions(
 
 
 def _with_run_warnings(outcome: Outcome, system: System, motion: GroundMotion) -> Outcome:
-    """The outcome, with what is lost of forces that vary in time, and of motions of late supports."""
+    """The outcome, with what is lost of fast contact, forces that vary in time, and late supports."""
     if not isinstance(outcome, History):
         return outcome
-    said, end = list[str](), float(outcome.time[-1])
+    said, end = resolution_warnings(outcome, system), float(outcome.time[-1])
     if system.signals:
         said += force_warnings(system.signals, outcome.stats["base_step"], end)
     if system.pseudo_static is not None:

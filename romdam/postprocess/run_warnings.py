@@ -39,9 +39,15 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
             f"limit {100 * LEDGER_LIMIT:g} %: the run is not to be trusted; try a finer "
             "transient.finest_step, or integrator adaptive"
         )
-    if "accuracy" in stats and not stats["estimated_time_error"] <= stats["accuracy"]:
+    reached = stats.get("estimated_time_error", math.inf)
+    if "accuracy" in stats and not math.isfinite(reached):
         sentences.append(
-            f"the time-stepping error is about {100 * stats['estimated_time_error']:.2g} %, wanted was "
+            f"the time-stepping error is not known, wanted was {100 * stats['accuracy']:g} %: steps other "
+            f"than {stats['finest_step']:.3g} s did not converge; give transient.finest_step instead"
+        )
+    elif "accuracy" in stats and not reached <= stats["accuracy"]:
+        sentences.append(
+            f"the time-stepping error is about {100 * reached:.2g} %, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
         )

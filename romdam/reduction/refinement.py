@@ -23,6 +23,7 @@ from romdam.reduction.synthesis import ReducedModel
 from romdam.scene.ties import scene_parts
 
 _RESIDUAL_VECTORS = 10  # least number of the certificate's finer model
+_HANDFUL = 0.05  # of a mesh's unknowns
 _ENOUGH = 60  # modes a block: with them a handful of residual vectors is worth more than further modes
 
 
@@ -35,15 +36,17 @@ def much_finer(choice: ModeChoice) -> ModeChoice:
 
 
 def parts_without_refinement(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> list[str]:
-    """Name the parts whose finer basis is the coarse one, although that is not all of the mesh.
+    """Name the parts whose finer basis is the coarse one, although that is not nearly all of the mesh.
 
-    What their basis leaves out shows in no difference of the two models. Parts without mass are exact.
+    What their basis leaves out shows in no difference of the two models. Parts without mass are exact. A
+    basis that lacks a handful of directions is taken for the mesh: in them are its highest modes, which the
+    residuals of all others do not reach.
     """
     names = []
     for mesh_part in scene_parts(scene).values():
         size, finer = (_vectors(model.basis[mesh_part.blocks[0]].vectors) for model in (coarse, fine))
         free = int((~mesh_part.fixed(scene.fixed)).sum())
-        if size == finer < free and not has_no_mass(mesh_part, scene):
+        if size == finer < (1.0 - _HANDFUL) * free and not has_no_mass(mesh_part, scene):
             names.append(mesh_part.name)
     return names
 

@@ -315,9 +315,14 @@ class _Trial:
 
     @property
     def in_doubt(self) -> bool:
-        """Tell whether the base step is to be tried: runs enough do not do, and it may be why."""
-        known = self.checks or self.base_tried or self.refined_from is not None
-        if known or self.former is None or self.former.ndim == 1 or self.runs < self.least_runs:
+        """Tell whether the base step is to be tried: runs enough do not do, and it may be why.
+
+        Not after a first run and its check, unless no finer one may follow.
+        """
+        if self.base_tried or self.refined_from is not None or self.former is None or self.former.ndim == 1:
+            return False
+        finest = self.former_halvings + 1 >= _MOST_HALVINGS
+        if self.runs < self.least_runs or (self.checks and self.runs < _QUIET_RUNS and not finest):
             return False
         return not self.reached
 

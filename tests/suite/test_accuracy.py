@@ -72,7 +72,7 @@ def test_the_check_ends_with_the_openings(cantilevers):
     """Half of the motion is hardly any: the check is not made over it, the run is."""
     told = []
     found = to_accuracy(cantilevers, [1], progress=lambda done, total: told.append(total))[0]
-    run, check = dict.fromkeys(told)
+    run, check, *_ = dict.fromkeys(told)  # a trial of the base step may follow
     assert run == 600 and 300 < check < 400
     assert found.time[-1] == pytest.approx(6.0)
 
