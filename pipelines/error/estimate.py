@@ -18,7 +18,7 @@ from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import DryModel, ReducedModel, reduce_scene, reduce_scene_twice
 from romdam.timestepping.prepared import Prepared
-from romdam.timestepping.step_control import follows_base_step, hardly_cut, names_of_errors
+from romdam.timestepping.step_control import names_of_errors
 
 
 def can_estimate(job: Job) -> bool:
@@ -124,8 +124,8 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
 
     The finest step is quartered, for half of it may repeat most of the run's error: of 22 random scenes three
     were stated at 0.40 to 0.46 of the truth and one at 2.6 times it with half; with a quarter all at 0.53 to
-    1.4. The base step is halved where it makes an error; it is cut into three where joints have bonds or
-    other memory, so that few instants are common to both runs. Where blocks rock on joints that alone hold
+    1.4. The base step, which closed springs follow, is halved; it is cut into three where joints have bonds
+    or other memory, so that few instants are common to both runs. Where blocks rock on joints that alone hold
     them, the finest step is doubled, unless it is the base step.
 
     Raises
@@ -139,7 +139,7 @@ def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: 
         factor = 2.0
     elif law.laws:
         parts = 3
-    elif follows_base_step(law) or hardly_cut(history):
+    elif len(law):
         parts = 2
     dt = source_step(motion, prepared.system) / parts
     steps = prepared.integrator.steps(factor * finest, dt, settings.steps.interval)

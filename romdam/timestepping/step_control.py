@@ -55,12 +55,13 @@ def simulate_to(
 ) -> list[Outcome]:
     """Integrate ground motions together, each with ever finer steps until its own estimated error is small.
 
-    The first step follows from the longest period of the open joints. A check with twice that step says how
-    good it is, and goes on until nearly all of the squared openings are past. Where that is not enough, runs
-    of half the step follow. Two successive runs differ by most of the coarser one's error; the finer one's is
-    taken as the difference over (r**p - 1), r being the ratio of their steps and p the order that the last
-    two differences show, within what the scheme shows elsewhere (0.5 to 1.3). The error is that of the
-    openings in L2; or of the peak opening for a scheme that conserves energy. See `jump_differences`.
+    The first step follows from the longest period of the open joints. A check with twice that step, and half
+    of the base step, says how good it is, and goes on until nearly all of the squared openings are past.
+    Where that is not enough, runs of half the step follow. Two successive runs differ by most of the coarser
+    one's error; the finer one's is taken as the difference over (r**p - 1), r being the ratio of their steps
+    and p the order that the last two differences show, within what the scheme shows elsewhere (0.5 to 1.3).
+    The error is that of the openings in L2; or of the peak opening for a scheme that conserves energy. See
+    `jump_differences`.
 
     Friction may converge at half the order. So it takes three runs at least, the first of four times the
     step, whose two differences show the order. The errors of slips and residual slips are stated, too, and
@@ -181,8 +182,12 @@ class _Motions:
         return [(i, outcomes[i]) for i in trials]
 
     def check(self, trials: dict[int, _Trial], some: Sequence[int], halvings: int) -> None:
-        """Check some trials with twice the step of their first run."""
-        for i, check in self.simulate({i: trials[i] for i in some}, halvings - 1, only_compared=True):
+        """Check some trials with twice the finest step of their first run, and half of its base step."""
+        halved = dict[int, _Trial]()  # closed springs follow the base step, which is not to be in both runs
+        for i in some:
+            shared = trials[i].refined_from is None and halvings > 1
+            halved[i] = replace(trials[i], refined_from=halvings - 2) if shared else trials[i]
+        for i, check in self.simulate(halved, halvings - 1, only_compared=True):
             if isinstance(check, ConvergenceError):
                 trials[i] = trials[i].unchecked()
             else:
