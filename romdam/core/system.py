@@ -614,6 +614,10 @@ class History(GapQuantities):
     energy : name -> (nt,) [J], see `romdam.timestepping.energy`; `ENERGY_TERMS` in any case
     peaks : name -> (ng,) over every step, not only the written ones, see `romdam.timestepping.peaks`; of
         jumps that differ from those that joint forces see, of written rows and what these reach between them
+    base_disp : (steps + 1, 3 * number of probes) `disp` at every base step; empty where each is written, and
+        once `node_peaks` are known [m]
+    node_peaks : (2, 3 * number of probes) largest displacement of either sign over every base step [m], and
+        when [s]
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
     gap : (ng,) initial gaps that it began with, after grouting [m]
@@ -636,6 +640,8 @@ class History(GapQuantities):
     peaks: dict[str, Floats]
     stats: dict[str, float]
     integrator: str
+    base_disp: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    node_peaks: Floats = field(default_factory=lambda: np.zeros((2, 0)))
     supports: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     gap: Floats = field(default_factory=lambda: np.zeros(0))
     ground: Floats = field(default_factory=lambda: np.zeros((0, 3)))

@@ -72,15 +72,26 @@ def maxima(dataset: xr.Dataset) -> list[Row]:
 
 def explained(rows: list[Row]) -> list[str]:
     """Sentences on the notes that stand in a table."""
-    return [f"{note}: {words}" for note, words in NOTES.items() if any(r.note.startswith(note) for r in rows)]
+    said = [part for row in rows for part in row.note.split(", ")]
+    return [f"{note}: {words}" for note, words in NOTES.items() if any(s.startswith(note) for s in said)]
 
 
 def _motion(dataset: xr.Dataset) -> list[Row]:
     """Of a dam with joints the largest accelerations are those of impacts."""
-    rows = []
-    for name in ("displacement", "acceleration"):
-        note = WRITTEN if _leaves_steps_out(dataset) else ""
-        note = INSTANT if name == "acceleration" and "joint" in dataset else note
+    rows, stated = [], "peak_displacement" in dataset
+    written = written_note(dataset)
+    if stated:
+        for axis in dataset.component.values:
+            peaks = dataset.peak_displacement.sel(component=axis)
+            largest = int(peaks.values.argmax())
+            if float(peaks[largest]) > 0.0:
+                when = f"{float(dataset.peak_displacement_time.sel(component=axis)[largest]):.3f}"
+                where = str(peaks.node.values[largest])
+                rows.append(Row(f"displacement {axis}", float(peaks[largest]), "m", where, when))
+    for name in ("acceleration",) if stated else ("displacement", "acceleration"):
+        note = written
+        if name == "acceleration" and "joint" in dataset:
+            note = ", ".join(filter(None, (INSTANT, written)))
         for axis in dataset.component.values if name in dataset else ():
             values = dataset[name].sel(component=axis)
             step, node = np.unravel_index(int(np.abs(values.values).argmax()), values.shape)
@@ -92,14 +103,15 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _leaves_steps_out(dataset: xr.Dataset) -> bool:
-    """Whether the run has steps between its written rows; that of an older result is not known."""
+def written_note(dataset: xr.Dataset) -> str:
+    """WRITTEN where the run has steps between its written rows, else empty; of an older result empty."""
     step = float(dataset.attrs.get("solver_base_step", np.inf))
-    return (
+    leaves_out = (
         "time" in dataset
         and dataset.time.size > 1
         and float(dataset.time[1] - dataset.time[0]) > (1.0 + 1e-9) * step
     )
+    return WRITTEN if leaves_out else ""
 
 
 def peak_ground_acceleration(dataset: xr.Dataset) -> xr.DataArray:
@@ -147,7 +159,7 @@ def peak_opening_time(dataset: xr.Dataset, joint: str) -> float | None:
 
 def _sections(dataset: xr.Dataset) -> list[Row]:
     """Extremes over time of forces, moments and linearised stress on sections, tension positive."""
-    rows = []
+    rows, note = [], written_note(dataset)
     for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
         for section in dataset.section.values if f"section_{name}" in dataset else ():
             forces = dataset[f"section_{name}"].sel(section=section)
@@ -155,7 +167,7 @@ def _sections(dataset: xr.Dataset) -> list[Row]:
                 values = forces.sel({f"section_{dim}": along}).values
                 for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
                     label, when = f"{side} section {name}, {along}", f"{float(forces.time[k]):.3f}"
-                    row = Row(label, float(values[k]), str(forces.attrs["units"]), str(section), when)
+                    row = Row(label, float(values[k]), str(forces.attrs["units"]), str(section), when, note)
                     rows.append(row)
     return rows
 
@@ -167,7 +179,8 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
         for face in dataset.stress_face.values if f"face_{name}_stress" in dataset else ():
             value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
             label = f"{name} stress, {HEADLINE:g} % of the area"
-            rows.append(Row(label, float(value), "Pa", str(face), note="" if value.notnull() else IN_RING))
+            note = written_note(dataset) if value.notnull() else IN_RING
+            rows.append(Row(label, float(value), "Pa", str(face), note=note))
     for side, find in (("max", np.nanargmax), ("min", np.nanargmin)):
         for name in kinds:
             variable = f"{side}_{name}_stress"
@@ -196,7 +209,7 @@ def _at_worst(
     dataset: xr.Dataset, label: str, values: xr.DataArray, find: Callable[[Floats], Any] = np.nanargmax
 ) -> list[Row]:
     """Worst of (stress_node,) values, and the worst outside the ring where the first is in it."""
-    whole, rows = values.values, []
+    whole, rows, note = values.values, [], written_note(dataset)
     ring = dataset.stress_ring.values > 0 if "stress_ring" in dataset else np.zeros(len(whole), dtype=bool)
     time = dataset.get(f"{values.name}_time")
     for name, value in ((label, whole), (f"{label} outside the ring", np.where(ring, np.nan, whole))):
@@ -205,7 +218,7 @@ def _at_worst(
             position = ", ".join(f"{x:.4g}" for x in dataset.stress_position.values[k])
             where = f"{dataset.stress_block.values[k]} ({position})"
             when = "" if time is None else f"{float(time[k]):.3f}"
-            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), where, when))
+            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), where, when, note))
     return rows
 
 

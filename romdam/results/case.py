@@ -102,6 +102,10 @@ class Case:
         """Tell whether there are output nodes."""
         return bool(self.scene.probes)
 
+    def has_node_peaks(self) -> bool:
+        """Tell whether there are output nodes whose motion over all steps is known."""
+        return self.history.node_peaks.size > 0
+
     def is_balanced(self) -> bool:
         """Tell whether the run begins at rest, where the forces balance."""
         return self.history.balance is not None

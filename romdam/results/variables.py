@@ -346,6 +346,20 @@ VARIABLES: dict[str, Variable] = {
         _at_probes("disp"),
         Case.has_probes,
     ),
+    "peak_displacement": Variable(
+        ("node", "component"),
+        "m",
+        "largest displacement relative to the base, either sign, over all base steps",
+        lambda c: c.history.node_peaks[0].reshape(-1, 3),
+        Case.has_node_peaks,
+    ),
+    "peak_displacement_time": Variable(
+        ("node", "component"),
+        "s",
+        "time of the largest displacement",
+        lambda c: c.history.node_peaks[1].reshape(-1, 3),
+        Case.has_node_peaks,
+    ),
     "velocity": Variable(
         ("time", "node", "component"),
         "m s-1",

@@ -55,6 +55,12 @@ def peaks_at_points(
     return raised
 
 
+def node_peaks(disp: Floats, dt: float) -> Floats:
+    """(2, m) largest displacement of either sign, and its time, of histories (nt, m) in steps of dt [s]."""
+    size = np.abs(disp)
+    return np.stack([size.max(axis=0, initial=0.0), dt * size.argmax(axis=0)])
+
+
 def named_peaks(peaks: Record) -> dict[str, Floats]:
     """Peaks by name, an array each."""
     return {name: peaks[name].copy() for name in PEAKS.names or ()}

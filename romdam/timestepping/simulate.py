@@ -18,6 +18,7 @@ from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.load_order import order_warnings
+from romdam.timestepping.peaks import node_peaks
 from romdam.timestepping.prepared import Prepared, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.soundness import sound
@@ -92,8 +93,14 @@ def simulate(
                 final = replace(final, model=model_signature(system), laws=laws)
             forces = system.forces(simulation.ground)[:, ::written].T
             ground_peak = np.abs(simulation.ground[:3]).max(axis=1, initial=0.0)
+            if len(history.base_disp):
+                of_nodes = node_peaks(history.base_disp, settings.steps.base)
+            else:
+                of_nodes = node_peaks(history.disp, settings.steps.interval)
             history = replace(
                 history,
+                base_disp=history.base_disp[:0],
+                node_peaks=of_nodes,
                 stats=stats,
                 gap=system.law.gap,
                 ground=ground,

@@ -61,7 +61,7 @@ def add_carried_jumps(history: History, system: System, ground: Floats, stride: 
 
 
 def add_support_motion(history: History, system: System, ground: Floats, stride: int) -> History:
-    """Add what moving supports do to the written rows, but for the jumps.
+    """Add what moving supports do to the written rows, but for the jumps, and to nodes between them.
 
     Parameters
     ----------
@@ -71,7 +71,11 @@ def add_support_motion(history: History, system: System, ground: Floats, stride:
     by = system.pseudo_static
     if by is None:
         return history
-    acc, vel, disp = (rows[:, ::stride].T for rows in by.motion(ground))
+    acc, vel, every_disp = by.motion(ground)
+    acc, vel, disp = (rows[:, ::stride].T for rows in (acc, vel, every_disp))
+    between = history.base_disp
+    if len(between):
+        between = between + every_disp.T @ by.observe.T
     strain = 0.5 * np.einsum("ti,ij,tj->t", disp, by.stiffness, disp, optimize=True)
     energy = history.energy | {
         "strain": history.energy["strain"] + strain,
@@ -80,6 +84,7 @@ def add_support_motion(history: History, system: System, ground: Floats, stride:
     return replace(
         history,
         disp=history.disp + disp @ by.observe.T,
+        base_disp=between,
         vel=history.vel + vel @ by.observe.T,
         acc=history.acc + acc @ by.observe.T,
         energy=energy,

@@ -101,6 +101,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
             ("whole dam", "left"), np.zeros((2, 3)), *np.ones((3, 2, 6)), np.array([1e-12, 2e-12])
         ),
         ground_peak=np.ones(3),
+        node_peaks=np.stack([np.abs(disp).max(axis=0), np.ones(disp.shape[1])]),
     )  # fmt: skip
 
 

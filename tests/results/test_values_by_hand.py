@@ -202,6 +202,7 @@ def make_history():
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
         forces=rows_of(LOAD, [6e3]),
         uplift=uplift, built=built, balance=balance, ground_peak=np.array([1.5, 2.5, 3.5]),
+        node_peaks=np.array([MM * np.array([3, 6, 9, 1.5, 3, 12]), [0.2, 0.3, 0.5, 0.7, 1.1, 1.3]]),
     )  # fmt: skip
 
 
@@ -326,6 +327,8 @@ EXPECTED_OF_JOINTS = {
 }
 EXPECTED_OF_MOTION = {
     "displacement": (2, MM * np.array([[-3, 6, -9], [-1.5, 3, -12]])),
+    "peak_displacement": (WHOLE, MM * np.array([[3, 6, 9], [1.5, 3, 12]])),
+    "peak_displacement_time": (WHOLE, [[0.2, 0.3, 0.5], [0.7, 1.1, 1.3]]),
     "velocity": (2, [[-30, 60, -90], [-15, 30, -120]]),
     "acceleration": (2, [[-600, 1200, -1800], [-300, 600, -2400]]),
     "applied_force": (3, [24e3]),

@@ -286,6 +286,11 @@ def test_peaks_see_every_step_and_rows_only_some(integrator):
     for name, values in every.peaks.items():
         assert np.array_equal(values, seventh.peaks[name]), name
     assert np.array_equal(every.disp[::7], seventh.disp)
+    assert seventh.node_peaks == pytest.approx(every.node_peaks, rel=1e-12)
+    peak, when = every.node_peaks
+    assert np.array_equal(peak, np.abs(every.disp).max(axis=0))
+    assert when == pytest.approx(every.time[np.abs(every.disp).argmax(axis=0)], abs=1e-12)
+    assert (peak > np.abs(seventh.disp).max(axis=0)).any() and not len(seventh.base_disp)
     assert every.peaks["opening"][0] == every.jump[:, 0, 0].max()
     assert every.peaks["compression"][0] == every.traction[:, 0, 0].max()
     assert every.peaks["opening_time"][0] == every.time[np.argmax(every.jump[:, 0, 0])]

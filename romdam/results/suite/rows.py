@@ -173,13 +173,7 @@ ROWS: dict[str, Variable] = {
         _JOINT, "s", "time in which any one gap slides, by the written rows", _time_in(SLIP), _WITH_SHEAR
     ),
     **SLIDING_ROWS,
-    "peak_displacement": Variable(
-        ("node", "component"),
-        "m",
-        "largest displacement relative to the base, either sign, of the written rows",
-        lambda c: np.abs(c.history.disp).max(axis=0).reshape(-1, 3),
-        VARIABLES["displacement"].when,
-    ),
+    "peak_displacement": VARIABLES["peak_displacement"],
     **{
         name: FLOOR_VARIABLES[name]
         for name in ("floor_peak_acceleration", "floor_spectrum", "floor_spectrum_error")

@@ -240,12 +240,18 @@ class _Rows:
         self.system, self.steps, self.problem, self.gap_memory = system, steps, problem, memory
         self.rows = rows_like(self._recorded(state), (samples - 1) // steps.stride + 1)
         self.peaks = first_peaks(self._at_points(state), state.gaps.traction)
+        kept = samples if steps.stride > 1 else 0
+        self.base_disp = np.zeros((kept, system.observe.shape[0]))
+        if kept:
+            self.base_disp[0] = system.observe @ state.u
         self._write(state, 0)
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
         now = first_peaks(self._at_points(state), state.gaps.traction)
         raise_peaks(self.peaks, now, step * self.steps.base)
+        if len(self.base_disp):
+            self.base_disp[step] = self.system.observe @ state.u
         if step % self.steps.stride == 0:
             self._write(state, step // self.steps.stride)
 
@@ -295,6 +301,7 @@ class _Rows:
             coordinates=Coordinates.of(rows.u, rows.v) if self.system.reduced else None,
             energy=ledger(rows.energies, rows.kinetic, rows.strain, rows.numerical),
             peaks=named_peaks(self.peaks),
+            base_disp=self.base_disp,
             stats=stats,
             integrator=GeneralizedAlpha.name,
         )

@@ -195,10 +195,16 @@ class HistoryBuffer(NamedTuple):
     ----------
     stride : base steps per row
     rows : one per written base step, the runs one after another
+    by_states, by_forces : (p, m), (p, N) displacement of the output nodes per modal displacement, and per
+        relaxed joint force, which is that of modes without mass; (0, 0) where there are none
+    node_disp : (samples, p) at every base step, the runs as in `Batch.acc`; (0, p) where each is a row
     """
 
     stride: int
     rows: Recorded
+    by_states: Floats
+    by_forces: Floats
+    node_disp: Floats
 
 
 class Arrays(NamedTuple):

@@ -44,7 +44,7 @@ def history_of_rows(
     follows[:1] = 0.0  # the first row is the state that the run begins in
     jump = rows.gaps.jump
     if system.at_point is not None:
-        at_points = _Observed.of(prepared, split, "at_point").displacement(rows, follows)
+        at_points = Observed.of(prepared, split, "at_point").displacement(rows, follows)
         if system.point_shift is not None:
             at_points = at_points + system.point_shift
         jump = jump + at_points.reshape(jump.shape)
@@ -56,7 +56,7 @@ def history_of_rows(
         if len(model.R):  # the relaxed flexibility
             strain = strain + 0.5 * np.einsum("ti,ti->t", rows.s @ model.R, rows.s)
         energy = ledger(rows.energies, kinetic, np.asarray(strain))
-    observed = _Observed.of(prepared, split, "observe")
+    observed = Observed.of(prepared, split, "observe")
     # acceleration of the dynamic modes alone, from their equations of motion
     seen = system.observe.toarray().T[dynamic]
     observed_acc = model.static @ seen - acc.T @ (system.load[dynamic].T @ seen)
@@ -77,7 +77,7 @@ def history_of_rows(
     )
 
 
-class _Observed(NamedTuple):
+class Observed(NamedTuple):
     """Operators from what the time loop keeps to the motion of all modes, as `_whole_motion` has it.
 
     Attributes
@@ -124,6 +124,10 @@ class _Observed(NamedTuple):
         if self.ground.any():
             disp += acc @ self.ground
         return np.asarray(disp)
+
+    def more(self, acc: Floats) -> Floats:
+        """(nt, r) what neither states nor joint forces make of it, at the ground's acceleration."""
+        return np.asarray(acc @ self.ground + self.rest)
 
 
 def _whole_motion(

@@ -37,6 +37,7 @@ from romdam.timestepping.modal.arrays import (
     HistoryBuffer,
     ModalModel,
     ModalState,
+    Recorded,
     StepHierarchy,
     Work,
 )
@@ -271,6 +272,20 @@ def _accept(
     energies.joint_work -= fed
 
 
+@njit(cache=True)
+def _keep_nodes(recorded: Recorded, buffer: HistoryBuffer, sample: int) -> None:
+    """Keep the displacement of the output nodes at a base step."""
+    q, s = recorded.q, recorded.s
+    for a in range(len(buffer.by_states)):
+        disp = 0.0
+        for j in range(len(q)):
+            disp += buffer.by_states[a, j] * q[j]
+        if len(buffer.by_forces):
+            for b in range(len(s)):
+                disp += buffer.by_forces[a, b] * s[b]
+        buffer.node_disp[sample, a] = disp
+
+
 @njit(cache=True, inline="always")
 def _move(
     model: ModalModel,
@@ -326,6 +341,8 @@ def _move(
     if clock.fine_steps < size[BASE]:
         return
     clock.base_steps += 1
+    if len(buffer.node_disp):
+        _keep_nodes(state.recorded, buffer, runs.samples[run] + clock.base_steps)
     if clock.base_steps % buffer.stride == 0:
         row = runs.rows[run] + clock.base_steps // buffer.stride
         put(buffer.rows, row, state.recorded)

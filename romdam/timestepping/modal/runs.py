@@ -37,7 +37,7 @@ from romdam.timestepping.modal.arrays import (
     StepHierarchy,
     new_work,
 )
-from romdam.timestepping.modal.histories import history_of_rows
+from romdam.timestepping.modal.histories import Observed, history_of_rows
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
     ModeSplit,
@@ -194,7 +194,15 @@ def _arrays(
     if model.carried is not None:
         disp = runs.supports[-model.carried.shape[1] :, runs.samples]
         work.last_shift[:] = (model.carried @ disp).T
-    return Arrays(model, levels, runs, states, work, HistoryBuffer(stride, rows))
+    probes = prepared.system.observe.shape[0]
+    kept = int(samples.sum()) if stride > 1 and probes and not settings.only_jumps else 0
+    by_states, by_forces = np.zeros((2, 0, 0))
+    if kept:
+        nodes = Observed.of(prepared, split, "observe")
+        by_states = np.ascontiguousarray(nodes.states)
+        by_forces = np.ascontiguousarray(nodes.forces.T) if nodes.forces.any() else by_forces
+    buffer = HistoryBuffer(stride, rows, by_states, by_forces, np.zeros((kept, probes)))
+    return Arrays(model, levels, runs, states, work, buffer)
 
 
 def _external_force(model: ModalModel, acc: Floats) -> Floats:
@@ -389,6 +397,13 @@ def _outcomes(
         acc = system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
         written = at(buffer.rows, slice(runs.rows[run], runs.rows[run] + acc.shape[1]))
         history = history_of_rows(prepared, model, split, written, acc, settings)
+        if len(buffer.node_disp):
+            samples = slice(runs.samples[run], runs.samples[run] + runs.last[run] + 1)
+            follows = system.inertial(ground).T.copy()
+            follows[0] = 0.0  # as in the rows
+            between = buffer.node_disp[samples] + Observed.of(prepared, split, "observe").more(follows)
+            between[0] = history.disp[0]
+            history = replace(history, base_disp=between)
         history = add_carried_jumps(history, system, ground, buffer.stride)
         peaks = peaks_at_points(named_peaks(states.peaks[run]), written.gaps.jump, history.jump, history.time)
         force = history.traction
