@@ -583,7 +583,7 @@ def run_motion(
         write_dataset(dataset, path, history.final)
     for concern in concerns:
         log.warning("%s: %s", motion.name, concern)
-    return FinishedRun(path, dataset, case, estimate, (time.perf_counter() - wall, cpu_time() - cpu))
+    return FinishedRun(path, dataset, case, (time.perf_counter() - wall, cpu_time() - cpu))
 
 
 def with_balance(job: Job, model: Model, history: History) -> History:

@@ -14,7 +14,7 @@ from romdam.core.errors import RecordError, ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.error.statement import ErrorStatement, opening_errors
+from romdam.error.statement import row_errors
 from romdam.pipelines.input_motions import Read
 from romdam.records.components import check_components
 from romdam.results.dataset import run_identity
@@ -32,7 +32,6 @@ class FinishedRun:
     path: Path
     dataset: xr.Dataset
     case: Case
-    estimate: ErrorStatement | None
     seconds: tuple[float, float]
 
     @property
@@ -45,11 +44,7 @@ class FinishedRun:
         motion = self.case.motion
         key = fingerprint((job.digest, motion.acc, motion.dt))
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
-        if self.estimate is not None and self.estimate.errors:
-            stated["estimated_reduction_error"] = self.estimate.errors["opening"].l2
-        of_mesh = opening_errors(self.dataset.attrs).get("mesh")
-        if of_mesh is not None:
-            stated["estimated_mesh_error"] = of_mesh
+        stated |= row_errors(self.dataset.attrs)
         warnings = tuple(json.loads(self.dataset.attrs["run_warnings"]))
         return Row(key, "", row_values(self.case, stated), self.kept, warnings=warnings)
 

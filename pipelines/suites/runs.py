@@ -18,6 +18,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
 from romdam.core.threads import one_thread
 from romdam.effects.scene_effects import scene_effects
+from romdam.error.statement import row_errors
 from romdam.fem.assembly import Assembly
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
@@ -176,10 +177,9 @@ def _row(
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
-    stated: dict[str, float] = {}
     history, estimate = with_estimates(suite.job, model, motion, history)
-    if estimate is not None and estimate.errors:
-        stated["estimated_reduction_error"] = estimate.errors["opening"].l2
+    attributes = {"model_order": suite.job.config.model.order}
+    stated = row_errors(attributes | (dict(estimate.attributes) if estimate is not None else {}))
     history, floors = floors_of(suite.job, model, motion, history)
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress, floors)

@@ -28,6 +28,8 @@ from romdam.core.files import check_file, replacing
 from romdam.core.fingerprint import fingerprint
 from romdam.core.sealed import changing, reading, text_of
 from romdam.error.metrics import FLOOR, RelativeError
+from romdam.postprocess.checks import MISSED, verdict
+from romdam.postprocess.stated_errors import total_error
 
 if TYPE_CHECKING:  # workers write no file
     import xarray as xr
@@ -137,6 +139,13 @@ def opening_errors(attributes: Mapping[str, object]) -> dict[str, float]:
     return errors
 
 
+def row_errors(attributes: Mapping[str, object]) -> dict[str, float]:
+    """Those of `opening_errors` that a row of a summary has besides that of the steps, by their names."""
+    errors = opening_errors(attributes)
+    names = {"estimated_reduction_error": "modes", "estimated_mesh_error": "mesh"}
+    return {name: errors[part] for name, part in names.items() if part in errors}
+
+
 def accuracy_warnings(
     attributes: Mapping[str, object], accuracy: float | None, total: float | None
 ) -> list[str]:
@@ -150,20 +159,20 @@ def accuracy_warnings(
     """
     errors = opening_errors(attributes)
     if total is not None:
-        unknown = [name for name in ("mesh", "modes", "steps") if name not in errors]
+        reached, unknown = total_error(errors)
         if unknown:
             return [
                 f"whether the total accuracy of {percent(total)} is kept is not known: the error of the "
                 f"{' and of the '.join(unknown)} is not"
             ]
-        if (reached := sum(errors.values())) > total:
+        if verdict(reached, total) == MISSED:
             parts = ", ".join(f"{name} {percent(value)}" for name, value in errors.items())
             return [
                 f"the total accuracy of {percent(total)} is NOT kept: {percent(reached)} are stated ({parts})"
                 + ("; model.modes: auto chooses the modes for it" if errors["modes"] > total / 5.0 else "")
             ]
         return []
-    if accuracy is not None and errors.get("modes", 0.0) > accuracy:
+    if accuracy is not None and verdict(errors.get("modes"), accuracy) == MISSED:
         return [
             f"leaving out modes changes the openings by about {percent(errors['modes'])}, wanted was an "
             f"accuracy of {percent(accuracy)}: take more modes, or model.modes: auto, which chooses them"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ import xarray as xr
 from romdam.core.arrays import Floats
 from romdam.core.round_off import NOTHING, ROUND_OFF
 from romdam.core.scene import MOST_RING
-from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
+from romdam.postprocess.stress.faces import HEADLINE, LIMITS, Limits, verdict
 
 INSTANT = "one instant"
 WRITTEN = "of the written rows"
@@ -142,6 +143,45 @@ def _joints(dataset: xr.Dataset) -> list[Row]:
     return rows
 
 
+class JointPeaks(NamedTuple):
+    """Peaks of a joint over all steps, as `maxima` has them; NaN where the result has none.
+
+    Attributes
+    ----------
+    joint : its name
+    opening : [m]
+    opening_time : [s]; None where the opening does not move
+    mean_compression : of one gap over a writing interval, compression negative [Pa]
+    compression : of one gap at one instant, compression negative [Pa]
+    slip : [m]
+    """
+
+    joint: str
+    opening: float
+    opening_time: float | None
+    mean_compression: float
+    compression: float
+    slip: float
+
+
+def joint_peaks(dataset: xr.Dataset) -> list[JointPeaks]:
+    """Peaks of every joint."""
+    found = dict[tuple[str, str], float]()
+    for row in maxima(dataset):
+        found[row.quantity.partition(",")[0] + ", mean" * (", mean" in row.quantity), row.where] = row.value
+    return [
+        JointPeaks(
+            name,
+            found["joint opening", name],
+            peak_opening_time(dataset, name),
+            found.get(("joint compression, mean", name), np.nan),
+            found["joint compression", name],
+            found.get(("joint slip", name), np.nan),
+        )
+        for name in (map(str, dataset.joint.values) if "joint" in dataset else ())
+    ]
+
+
 def peak_opening_time(dataset: xr.Dataset, joint: str) -> float | None:
     """Time of a joint's largest opening [s]; None where its widest opening does not move over the run.
 
@@ -222,15 +262,17 @@ def _at_worst(
     return rows
 
 
-FACE_HEAD = (
-    "face", f"{HEADLINE:g} % of area [MPa]", "largest [MPa]", "at (x, y, z [m])", "ring [% of area]",
-    "overstressed at rest [%]", "basis", *LIMITS,
-)  # fmt: skip
+def face_head(dataset: xr.Dataset) -> tuple[str, ...]:
+    """Head of `face_rows`."""
+    return (
+        "face", f"{HEADLINE:g} % of area [MPa]", "largest [MPa]", "at (x, y, z [m])", "ring [% of area]",
+        "overstressed at rest [%]", "basis", *limits_of(dataset),
+    )  # fmt: skip
 
 
 def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
-    """Rows under `FACE_HEAD`: headline stress, ring, and acceptance of the total and of the change."""
-    rows = []
+    """Rows under `face_head`: headline stress, ring, and acceptance of the total and of the change."""
+    rows, kinds = list[tuple[str, ...]](), list(limits_of(dataset))
     for face in dataset.stress_face.values if "face_principal_stress" in dataset else ():
         of_face = dataset.sel(stress_face=face)
         stress = 1e-6 * of_face.face_principal_stress
@@ -240,12 +282,18 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
         about = (str(face), *(f"{x:.3g}" for x in numbers), at, f"{float(of_face.ring_share):.3g}", start)
         for basis in dataset.stress_basis.values if "acceptance" in dataset else ():
             met = of_face.acceptance.sel(stress_basis=basis)
-            words = (verdict(met.sel(dam_kind=kind).values) for kind in LIMITS)
+            words = (verdict(met.sel(dam_kind=kind).values) for kind in kinds)
             rows.append((*about, str(basis), *words))
             about = ("",) * len(about)
         if "acceptance" not in dataset:
-            rows.append((*about, "-", *("-" for _ in LIMITS)))
+            rows.append((*about, "-", *("-" for _ in kinds)))
     return rows
+
+
+def limits_of(dataset: xr.Dataset) -> dict[str, Limits]:
+    """Limits of linear analysis of the dam at hand; of every kind where the result names none."""
+    config = json.loads(str(dataset.attrs.get("configuration", "{}")))
+    return {kind: LIMITS[kind] for kind in LIMITS if config.get(kind.replace(" ", "_"))} or LIMITS
 
 
 def stress_statement(dataset: xr.Dataset, peak_shares: Mapping[str, float]) -> str:

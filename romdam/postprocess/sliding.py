@@ -9,6 +9,7 @@ Monograph 19 (1977): the shear-friction factor of safety Q = (C A + N tan phi) /
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.round_off import without_round_off
 from romdam.core.system import OPEN, SLIP, STICK
+from romdam.postprocess.joint_roles import bears, mean_normal, rock_of, upward
 
 if TYPE_CHECKING:  # workers write no file
     import xarray as xr
@@ -53,11 +55,12 @@ def safety_factor(strength: Floats, shear: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Sliding:
-    """Sliding of block J on block I in a joint, by the written rows.
+    """Sliding of block J on block I in a joint, by the written rows; round-off is 0.
 
     Attributes
     ----------
     joint, blocks : names of the joint, and of the blocks I and J
+    bears : whether it is a base or a lift, no contraction joint
     factor, factor_time : least factor of safety, and when it is first reached, but for 0.05 % [s]; NaN where
         the joint carries no shear
     sliding_time, open_time : time in which every closed gap slides, and in which no gap is closed, see
@@ -72,6 +75,7 @@ class Sliding:
 
     joint: str
     blocks: tuple[str, str]
+    bears: bool
     factor: float
     factor_time: float
     sliding_time: float
@@ -96,24 +100,33 @@ class Sliding:
 
 
 def sliding(dataset: xr.Dataset) -> list[Sliding]:
-    """Sliding of every joint of a result; nothing where no joint carries shear."""
+    """Sliding of every joint of a result, bases and lifts before contraction joints.
+
+    Nothing where no joint carries shear.
+    """
     if "sliding_safety_factor" not in dataset:
         return []
-    joints = []
+    joints, rock, up = list[Sliding](), rock_of(dataset), upward(dataset)
     for name in map(str, dataset.joint.values):
         of_joint, gaps = dataset.sel(joint=name), dataset.isel(gap=dataset.gap_joint.values == name)
         time, state = of_joint.time.values, gaps.joint_state.values
         factor, seconds = of_joint.sliding_safety_factor.values, row_seconds(time)
         least = np.fmin.reduce(factor)
         moves, stays = (state == SLIP).any(axis=1), (state == STICK).any(axis=1)
-        normal = _mean_normal(gaps)
+        normal, blocks = mean_normal(gaps), of_joint.joint_blocks.values
         along = _along(of_joint.joint_displacement.values, normal)
         residual, rotation = _rigid_motion(gaps, normal)
         steps = np.linalg.norm(np.diff(along, axis=0), axis=1)
+        residual_slip = np.linalg.norm(_along(residual, normal))
+        largest_slip = np.linalg.norm(_left(gaps.slip), axis=1).max()
+        cumulative_slip = steps[moves[1:]].sum()
+        lengths = without_round_off([*residual, residual_slip, largest_slip, cumulative_slip])
+        residual, (residual_slip, largest_slip, cumulative_slip) = lengths[:3], lengths[3:]
         joints.append(
             Sliding(
                 joint=name,
-                blocks=(str(of_joint.joint_blocks.values[0]), str(of_joint.joint_blocks.values[1])),
+                blocks=(str(blocks[0]), str(blocks[1])),
+                bears=bears(normal, list(map(str, blocks)), rock, up),
                 factor=float(least),
                 factor_time=float(time[(factor <= (1.0 + _SAME) * least).argmax()]),
                 sliding_time=float(seconds[moves & ~stays].sum()),
@@ -121,13 +134,23 @@ def sliding(dataset: xr.Dataset) -> list[Sliding]:
                 unbounded=bool(np.isinf(of_joint.joint_shear_strength.values).any()),
                 slipped=bool(moves.any()),
                 residual=residual,
-                residual_slip=float(np.linalg.norm(_along(residual, normal))),
-                largest_slip=float(np.linalg.norm(_left(gaps.slip), axis=1).max()),
-                rotation=rotation,
-                cumulative_slip=float(steps[moves[1:]].sum()),
+                residual_slip=float(residual_slip),
+                largest_slip=float(largest_slip),
+                rotation=float(without_round_off([rotation])[0]),
+                cumulative_slip=float(cumulative_slip),
             )
         )
-    return joints
+    return sorted(joints, key=lambda joint: not joint.bears)
+
+
+def least_factor(joints: Sequence[Sliding]) -> Sliding | None:
+    """The joint with the least factor of safety: a base or a lift, if any of them carries shear.
+
+    A contraction joint that slides leaves the dam standing.
+    """
+    known = [joint for joint in joints if np.isfinite(joint.factor)]
+    bearing = [joint for joint in known if joint.bears]
+    return min(bearing or known, key=lambda joint: joint.factor, default=None)
 
 
 def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
@@ -135,15 +158,10 @@ def mean_slip(dataset: xr.Dataset) -> xr.DataArray:
     factor = dataset.sliding_safety_factor
     slip = factor.copy(data=np.zeros_like(factor.values)).rename("mean_slip")
     for name in dataset.joint.values:
-        normal = _mean_normal(dataset.isel(gap=dataset.gap_joint.values == name))
+        normal = mean_normal(dataset.isel(gap=dataset.gap_joint.values == name))
         along = _along(dataset.joint_displacement.sel(joint=name).values, normal)
         slip.loc[{"joint": name}] = np.linalg.norm(along, axis=1)
     return slip.assign_attrs(units="m")
-
-
-def _mean_normal(gaps: xr.Dataset) -> Floats:
-    normal = gaps.gap_area.values @ gaps.gap_normal.values
-    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def _along(displacement: Floats, normal: Floats) -> Floats:
@@ -190,9 +208,8 @@ def sliding_rows(dataset: xr.Dataset) -> list[Row]:
             factor = (f"{joint.factor:.4g}", f"{joint.factor_time:.3f}")
         times = (f"{joint.sliding_time:.3g}", f"{joint.open_time:.3g}")
         lengths = (joint.residual_slip, joint.largest_slip, *joint.residual, joint.cumulative_slip)
-        *shown, path = without_round_off(lengths)
-        rotation = float(without_round_off([joint.rotation])[0])
-        thousandths = (f"{1e3 * value:.4g}" for value in (*shown, rotation, path))
+        *shown, path = lengths
+        thousandths = (f"{1e3 * value:.4g}" for value in (*shown, joint.rotation, path))
         block_I, block_J = joint.blocks
         rows.append((joint.joint, block_J, block_I, joint.verdict, *factor, *times, *thousandths))
     return rows

@@ -10,7 +10,6 @@ resultant.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -19,9 +18,9 @@ import xarray as xr
 
 from romdam.core.arrays import Floats
 from romdam.core.system import OPEN
+from romdam.postprocess.joint_roles import mean_normal, rock_of, upper_is_J, upward
 
 STABLE, NOT_STABLE, NO_EQUILIBRIUM, NOT_FOUND = "stable", "not stable", "no equilibrium", "not found"
-_UPRIGHT = 1e-3  # vertical part of a joint's normal, from which on one of its blocks stands on the other
 _END = 1e-6  # of a joint's length: gaps so near to the end are at its toe
 Row = tuple[str, ...]
 HEAD: Row = (
@@ -97,7 +96,7 @@ def joint_stability(
     joints : names; None for all that carry shear
     """
     first, judged = dataset.isel(time=0), list[JointStability]()
-    rock = set(json.loads(str(dataset.attrs.get("rock_blocks", "[]"))))
+    rock, up = rock_of(dataset), upward(dataset)
     names = list(map(str, dataset.joint.values)) if "sliding_safety_factor" in dataset else []
     names = [name for name in names if joints is None or name in joints]
     for name in names:
@@ -105,13 +104,13 @@ def joint_stability(
         area, position = gaps.gap_area.values, gaps.gap_position.values
         pressed = np.maximum(-gaps.normal_force.values, 0.0)
         shear = np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
-        normal = area @ gaps.gap_normal.values / area.sum()
+        normal, (block_I, block_J) = mean_normal(gaps), map(str, of_joint.joint_blocks.values)
         size, whole = float(np.linalg.norm(shear)), float(pressed.sum())
         open_share = float(area[gaps.joint_state.values == OPEN].sum() / area.sum())
         resultant, toe_pressure, cracked = np.nan, np.nan, np.nan
         if size > 0.0 and whole > 0.0:
             # the joint's shear holds back the block that stands on the other: J, or I against its sign
-            on_J = _stands_on_J(normal, [str(block) for block in of_joint.joint_blocks.values], rock)
+            on_J = upper_is_J(normal, (block_I, block_J), rock, up)
             along = position @ (-shear / size if on_J else shear / size)
             low, length = float(along.min()), float(np.ptp(along))
             if length > 0.0:
@@ -149,13 +148,6 @@ def _water(of_joint: xr.Dataset, gaps: xr.Dataset) -> Floats:
     if "crack_water_force" in gaps:
         water = water + gaps.crack_water_force.values @ gaps.gap_normal.values
     return np.asarray(water)
-
-
-def _stands_on_J(normal: Floats, blocks: Sequence[str], rock: Collection[str]) -> bool:
-    """Whether block J stands on block I, by the normal from I to J; beside each other J is no rock."""
-    if abs(normal[2]) > _UPRIGHT:
-        return bool(normal[2] > 0.0)
-    return not (blocks[1] in rock and blocks[0] not in rock)
 
 
 def _groups(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import Check
     from romdam.pipelines.error.certify import Certified
     from romdam.pipelines.error.two_results import TwoResults
+    from romdam.postprocess.maxima import JointPeaks
     from romdam.reduction.storage.user_cache import Entry
 
 Document = dict[str, Any]
@@ -39,15 +40,14 @@ _IN_SI = {  # of a certificate -> key
     "peak_opening_corrected": "peak_opening_corrected_m",
     "windows": "windows_s",
 }
-_OF_A_JOINT = {  # variable of a result -> key
-    "peak_opening": "peak_opening_m",
-    "peak_opening_time": "peak_opening_time_s",
-    "peak_mean_compressive_stress": "peak_mean_compressive_stress_Pa",
-    "peak_compressive_stress": "peak_compressive_stress_Pa",
-    "peak_slip": "peak_slip_m",
-    "estimated_error_l2": "estimated_error_l2",
-    "estimated_error_peak": "estimated_error_peak",
+_PEAKS = {  # of a joint -> key
+    "opening": "peak_opening_m",
+    "opening_time": "peak_opening_time_s",
+    "mean_compression": "peak_mean_compressive_stress_Pa",
+    "compression": "peak_compressive_stress_Pa",
+    "slip": "peak_slip_m",
 }
+_ERRORS = "estimated_error_l2", "estimated_error_peak"  # of a joint, variables and keys
 
 
 def print_document(command: str, document: Document) -> None:
@@ -139,6 +139,7 @@ def check_document(check: Check, config: Path) -> Document:
 
 def info_document(dataset: xr.Dataset, path: Path) -> Document:
     """A result."""
+    from romdam.postprocess.maxima import joint_peaks
     from romdam.postprocess.record_measures import sequence_of, stated_warnings
 
     attrs = dataset.attrs
@@ -170,9 +171,7 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
         "ledger_imbalance": attrs.get("solver_ledger_imbalance"),
         "estimated_time_error": attrs.get("solver_estimated_time_error"),
         "accuracy": attrs.get("solver_accuracy"),
-        "joints": {str(name): _of_joint(dataset, name) for name in dataset.joint.values}
-        if "joint" in dataset
-        else {},
+        "joints": {peaks.joint: _of_joint(dataset, peaks) for peaks in joint_peaks(dataset)},
         "error": sentences(attrs),
         "error_not_included": attrs.get("error_not_included"),
         "error_estimate": estimate,
@@ -184,17 +183,12 @@ def info_document(dataset: xr.Dataset, path: Path) -> Document:
     }
 
 
-def _of_joint(dataset: xr.Dataset, joint: str) -> Document:
-    """Peaks and errors of a joint."""
-    from romdam.postprocess.maxima import peak_opening_time
-
-    of_joint = dataset.sel(joint=joint)
-    document = {
-        key: of_joint[name].item()
-        for name, key in _OF_A_JOINT.items()
-        if name in of_joint and not of_joint[name].dims
-    }
-    return document | {_OF_A_JOINT["peak_opening_time"]: peak_opening_time(dataset, joint)}
+def _of_joint(dataset: xr.Dataset, peaks: JointPeaks) -> Document:
+    """Peaks and errors of a joint; those that the result does not have are left out."""
+    of_joint = dataset.sel(joint=peaks.joint)
+    values = {key: getattr(peaks, name) for name, key in _PEAKS.items()}
+    document = {key: value for key, value in values.items() if value is None or value == value}
+    return document | {name: of_joint[name].item() for name in _ERRORS if name in of_joint}
 
 
 def _json(attrs: Mapping[str, Any], name: str) -> Any:

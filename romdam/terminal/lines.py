@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from romdam.core.machine import shown_size
 from romdam.core.printable import one_line
+from romdam.postprocess.checks import MISSED, verdict
 from romdam.postprocess.run_warnings import COUNTED, LEDGER_LIMIT
 
 if TYPE_CHECKING:
@@ -100,7 +101,8 @@ def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
     }
     lines = []
     for name, (limit, text) in limits.items():
-        beyond = int((summary[name] > limit).sum()) if name in summary and limit is not None else 0
+        values = summary[name].values.ravel().tolist() if name in summary else []
+        beyond = [verdict(value, limit) for value in values].count(MISSED)
         if beyond and limit is not None:
             worst = f"{name} says which, {100 * float(summary[name].max()):.2g} % at most"
             lines.append(f"{beyond} of {summary[name].size} runs {text} {100 * limit:g} %; {worst}")
@@ -121,6 +123,7 @@ _DONE = {"estimate": "estimated", "certificate": "certified"}
 def _error_lines(attrs: Mapping[str, object]) -> list[str]:
     """State what was measured against the mesh, then what was estimated or certified."""
     from romdam.error.statement import opening_errors, sentences
+    from romdam.postprocess.stated_errors import total_text
 
     stated = dict(sentences(attrs))
     measured, mesh = stated.pop("verification", ""), stated.pop("discretisation", "")
@@ -136,10 +139,8 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
         mesh = "its error, often the largest, is not known; `romdam verify CONFIG --mesh finer` states it"
         return [*lines, f"mesh           {mesh}"]
     parts = opening_errors(attrs)  # in L2, of mesh, modes and steps, as far as they are known
-    unknown = [name for name in ("mesh", "modes", "steps") if name not in parts]
     each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
-    more = f"; of {' and '.join(unknown)} unknown" if unknown else ""
-    total = f"about {100 * sum(parts.values()):.2g} % of the openings in L2 at most: {each}{more}"
+    total = f"at most {total_text(parts)} of the openings in L2: {each}"
     lines += [f"mesh           {mesh}", f"total          {total}"]
     tried = [
         f"{entry['mesh']} {100 * entry['opening_error']:.2g} % ({entry['unknowns']} unknowns, "
@@ -158,10 +159,9 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     if "solver_accuracy" not in attrs:
         return f"error about {100 * estimate:.2g} % of the openings in L2{slips}, by half of the step"
     wanted = float(str(attrs["solver_accuracy"]))
-    verdict = "" if estimate <= wanted else ", NOT reached at the finest step allowed"
+    missed = ", NOT reached at the finest step allowed" * (verdict(estimate, wanted) == MISSED)
     return (
-        f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{verdict}){slips}, by refining "
-        "the step"
+        f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{missed}){slips}, by refining the step"
     )
 
 

@@ -24,25 +24,20 @@ _ROUND_OFF = 5e-6  # relative difference that a table of benchmarks shows as non
 
 def peaks_table(results: Mapping[str, xr.Dataset]) -> Table:
     """Peaks of every joint, a row for each record and joint."""
-    from romdam.postprocess.maxima import peak_opening_time
+    from romdam.postprocess.maxima import joint_peaks
 
     mean, instant = "compression, mean of a writing interval [MPa]", "at one instant [MPa]"
     table = _table("Peaks", ("record", "joint"), ("opening [mm]", "at [s]", mean, instant, "slip [mm]"))
     for record, dataset in results.items():
-        for joint in dataset.joint.values if "joint" in dataset else ():
-            row = dataset.sel(joint=joint)
-            when = peak_opening_time(dataset, joint)
-            slip = f"{1e3 * float(row.peak_slip):.2f}" if "peak_slip" in row else "-"
-            of_mean = "peak_mean_compressive_stress"  # results of before 0.2 have none
-            mean = f"{1e-6 * float(row[of_mean]):.2f}" if of_mean in row else "-"
+        for peaks in joint_peaks(dataset):
+            when = peaks.opening_time
+            values = (1e-6 * peaks.mean_compression, 1e-6 * peaks.compression, 1e3 * peaks.slip)
             table.add_row(
                 record,
-                str(joint),
-                f"{1e3 * float(row.peak_opening):.2f}",
+                peaks.joint,
+                f"{1e3 * peaks.opening:.2f}",
                 "-" if when is None else f"{when:.2f}",
-                mean,
-                f"{1e-6 * float(row.peak_compressive_stress):.2f}",
-                slip,
+                *(f"{value:.2f}" if value == value else "-" for value in values),
             )
     return table
 
@@ -123,12 +118,12 @@ def maxima_table(dataset: xr.Dataset) -> Table:
 
 def stress_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     """Stress of every named face, a table for each record that has any."""
-    from romdam.postprocess.maxima import FACE_HEAD, face_rows
+    from romdam.postprocess.maxima import face_head, face_rows
 
     tables = []
     for record, dataset in results.items():
-        rows = face_rows(dataset)
-        table = _table(f"Major principal stress, {record}", FACE_HEAD[:1], FACE_HEAD[1:])
+        rows, head = face_rows(dataset), face_head(dataset)
+        table = _table(f"Major principal stress, {record}", head[:1], head[1:])
         for row in rows:
             table.add_row(*row)
         tables += [table] if rows else []

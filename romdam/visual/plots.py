@@ -20,7 +20,7 @@ from matplotlib.tri import TriAnalyzer, Triangulation
 from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.files import replacing
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
-from romdam.postprocess.maxima import peak_opening_time
+from romdam.postprocess.maxima import peak_ground_acceleration, peak_opening_time, written_note
 from romdam.visual.floor_plots import floor_spectra_figure
 from romdam.visual.joint_plots import (
     component_panels,
@@ -39,7 +39,6 @@ from romdam.visual.style import (
     finish,
     fit_panels,
     legend_below,
-    mark_peak,
     mark_point,
     new_figure,
     scaled,
@@ -58,15 +57,17 @@ _WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
 def ground_motion(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
-    """Ground acceleration of every shaken component."""
+    """Ground acceleration of every shaken component; marked is the peak over all steps."""
     acc = dataset.ground_acceleration
     shaken = [c for c in acc.component.values if float(abs(acc.sel(component=c)).max()) > 0.0] or ["x"]
     figure, axes = new_figure(rows=len(shaken), height=1.9)
-    size, unit = system.suited("m s-2", 1.0)
+    (size, unit), peaks = system.suited("m s-2", 1.0), peak_ground_acceleration(dataset)
     for ax, component in zip(axes, shaken, strict=True):
         row = acc.sel(component=component) / size
         ax.plot(acc.time, row, color=COLOURS[0], lw=0.7)
-        mark_peak(ax, row, f"{{:.2f}} {unit}")
+        peak, k = float(peaks.sel(component=component)) / size, int(np.abs(row.values).argmax())
+        when = f"{'near' if written_note(dataset) else 'at'} {float(row.time[k]):.2f} s"
+        mark_point(ax, row, (float(row.time[k]), float(row[k])), f"{peak:.3g} {unit} {when}")
         ax.set_ylabel(f"ground acc. {component}\n[{unit}]")
     return finish(figure, axes, dataset, "Ground motion")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -12,7 +10,8 @@ from matplotlib.ticker import FuncFormatter
 
 from romdam.core.arrays import Floats
 from romdam.core.display_units import SI, DisplayUnits
-from romdam.postprocess.stress.faces import LARGEST_RATIO, LIMITS, Limits
+from romdam.postprocess.maxima import limits_of
+from romdam.postprocess.stress.faces import LARGEST_RATIO
 from romdam.postprocess.stress.summary import duration_above
 from romdam.visual.style import COLOURS, GREY, finish, legend_below, new_figure, scaled
 
@@ -119,12 +118,6 @@ def stress_damage(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | No
         fontsize=9, x=0.02, ha="left",
     )  # fmt: skip
     return figure
-
-
-def limits_of(dataset: xr.Dataset) -> dict[str, Limits]:
-    """Limits of linear analysis of the dam at hand; of every kind where the result names none."""
-    config = json.loads(str(dataset.attrs.get("configuration", "{}")))
-    return {kind: LIMITS[kind] for kind in LIMITS if config.get(kind.replace(" ", "_"))} or LIMITS
 
 
 def _face_curves(dataset: xr.Dataset, variable: str) -> dict[tuple[str, str], Floats]:

@@ -92,13 +92,6 @@ def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
     )
 
 
-def mark_peak(ax: Axes, row: xr.DataArray, text: str) -> None:
-    """A dot and a number at the largest absolute value, to its left where it comes late."""
-    k = int(np.abs(row.values).argmax())
-    x, y = float(row.time[k]), float(row[k])
-    mark_point(ax, row, (x, y), f"{text.format(y)} at {x:.2f} s")
-
-
 def mark_point(ax: Axes, row: xr.DataArray, at: tuple[float, float], text: str) -> None:
     """A dot at a time and a value with a text beside it, to its left where it comes late in the row."""
     ax.plot([at[0]], [at[1]], "o", ms=3, color=COLOURS[1], zorder=5)

@@ -75,8 +75,8 @@ def test_round_off_is_shown_as_0(dataset):
 @pytest.mark.parametrize("kind", ["arch", "gravity"])
 def test_limits_are_those_of_the_dam_at_hand(kind, dataset):
     """Of a result that says neither both are drawn: `tests/results/test_plots.py`."""
+    from romdam.postprocess.maxima import limits_of
     from romdam.postprocess.stress.faces import LIMITS
-    from romdam.visual.stress_plots import limits_of
 
     dataset.attrs["configuration"] = json.dumps({f"{kind}_dam": {"base": 0}, "blocks": {}})
     assert limits_of(dataset) == {f"{kind} dam": LIMITS[f"{kind} dam"]}

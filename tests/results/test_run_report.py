@@ -106,9 +106,9 @@ def test_a_check_beyond_its_limit_is_not_met(result, job):
     rows = {
         row[0].text: row[3].text for table in tables if "verdict" in table.head[3:4] for row in table.cells
     }
-    assert rows["energy that the ledger lacks, of the exchanged"] == "NOT met"
+    assert rows["energy that the ledger lacks, of the exchanged"] == "missed"
     assert rows["error of the openings from the steps, L2"] == "met"
-    assert rows["error of the openings from the mesh, L2"] == "not stated"
+    assert rows["error of the openings from the mesh, L2"] == "not judged"
 
 
 def test_the_page_and_the_document_are_written_beside_the_result(result):

@@ -16,13 +16,20 @@ from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING, ROUND_OFF
-from romdam.postprocess.maxima import explained, maxima, peak_ground_acceleration, peak_opening_time
+from romdam.postprocess.checks import NOT_JUDGED, run_checks
+from romdam.postprocess.maxima import (
+    explained,
+    joint_peaks,
+    limits_of,
+    maxima,
+    peak_ground_acceleration,
+    written_note,
+)
 from romdam.postprocess.record_measures import stated_warnings
 from romdam.postprocess.responses import PARAMETER
-from romdam.postprocess.run_warnings import LEDGER_LIMIT
-from romdam.postprocess.sliding import sliding
+from romdam.postprocess.sliding import least_factor, sliding
 from romdam.postprocess.stated_errors import total_text
-from romdam.postprocess.stress.faces import HEADLINE, LIMITS, verdict
+from romdam.postprocess.stress.faces import HEADLINE, verdict
 from romdam.visual.plots import FIGURES
 from romdam.visual.report.parts import (
     Cell,
@@ -116,10 +123,6 @@ class RunSubject:
             drawn.append(None if figure is None else picture(figure, _CAPTIONS[name]))
         return [side_by_side(*drawn)]
 
-    def per_joint(self, name: str) -> list[float]:
-        """A variable of the joints."""
-        return [float(value) for value in self.dataset[name].values]
-
 
 def run_report(subject: RunSubject) -> Report:
     """The report of one run."""
@@ -138,8 +141,9 @@ def _facts(subject: RunSubject) -> list[Fact]:
     if slides:
         left = max(joint.residual_slip for joint in slides)
         facts.append(Fact("largest residual slip", subject.text("m", left)))
-        least = min((joint.factor for joint in slides if np.isfinite(joint.factor)), default=np.nan)
-        facts.append(Fact("least factor of safety against sliding", number(least)))
+        least, where = least_factor(slides), "base and lift" if any(j.bears for j in slides) else "joint"
+        text = f"least factor of safety against sliding, every {where}"
+        facts.append(Fact(text, "–" if least is None else f"{number(least.factor)} ({least.joint})"))
     if "face_principal_stress" in dataset:
         worst = float(dataset.face_principal_stress.sel(area_percentile=HEADLINE).max())
         facts.append(Fact(f"{HEADLINE:g} % stress of the worst face", subject.text("Pa", worst)))
@@ -288,20 +292,13 @@ def motion_section(subject: RunSubject) -> Section:
 def checks_section(subject: RunSubject) -> Section:
     """Model and time stepping, what was checked of the run, and its stated errors."""
     attrs, rows = subject.dataset.attrs, list[list[Value]]()
-    residual, ledger = attrs.get("solver_largest_residual"), attrs.get("solver_ledger_imbalance")
-    if residual is not None:
-        tolerance = subject.config.transient.tolerance
-        rows.append(_judged("largest residual of the contact problem", float(residual), tolerance, "{:.2g}"))
-    if ledger is not None:
-        rows.append(_judged("energy that the ledger lacks, of the exchanged", float(ledger), LEDGER_LIMIT))
-    errors, wanted = subject.errors, attrs.get("solver_accuracy")
-    for part in ("steps", "modes", "mesh"):
-        text = f"error of the openings from the {part}, L2"
-        if part in errors:
-            limit = wanted if part == "steps" else None
-            rows.append(_judged(text, errors[part], limit))
-        else:
-            rows.append([text, "unknown", "–", "not stated"])
+    for check in run_checks(attrs, subject.errors, subject.config.transient.tolerance):
+        value, limit = (
+            "–" if x is None else f"{number(100 * x, 2)} %" if check.is_share else f"{x:.2g}"
+            for x in (check.value, check.limit)
+        )
+        rows.append([check.text, "unknown" if check.value is None else value, limit, check.verdict])
+    rows.append(["error of the openings together, L2, at most", total_text(subject.errors), "–", NOT_JUDGED])
     head = ["check", "value", "limit", "verdict"]
     words = {"estimate": "Modes", "certificate": "Certificate", "verification": "Against the full mesh",
              "discretisation": "Mesh"}  # fmt: skip
@@ -312,34 +309,28 @@ def checks_section(subject: RunSubject) -> Section:
     return Section("checks", "Checks and stated errors", [size, Table(head, rows), *said, keys])
 
 
-def _judged(text: str, value: float, limit: float | None, form: str = "") -> list[Value]:
-    """A row of a check."""
-    shown, bound = (
-        "–" if x is None else form.format(x) if form else f"{number(100 * x, 2)} %" for x in (value, limit)
-    )
-    return [text, shown, bound, "stated" if limit is None else "met" if value <= limit else "NOT met"]
-
-
 def joints_section(subject: RunSubject) -> Section | None:
     """Peaks of every joint, how they slide, and their figures."""
     dataset = subject.dataset
     if "joint" not in dataset or not dataset.joint.size:
         return None
-    names = [str(name) for name in dataset.joint.values]
-    columns: list[tuple[str, str, str]] = [("peak_opening", "m", "largest opening")]
-    columns += [
-        ("peak_mean_compressive_stress", "Pa", "compression, mean of an interval"),
-        ("peak_compressive_stress", "Pa", "compression at one instant"), ("peak_slip", "m", "largest slip"),
-    ]  # fmt: skip
+    peaks = joint_peaks(dataset)
+    columns: list[tuple[str, str, list[float]]] = [
+        ("largest opening", "m", [joint.opening for joint in peaks]),
+        ("compression, mean of an interval", "Pa", [joint.mean_compression for joint in peaks]),
+        ("compression at one instant", "Pa", [joint.compression for joint in peaks]),
+        ("largest slip", "m", [joint.slip for joint in peaks]),
+    ]
     head, values = ["joint"], list[list[Value]]()
-    for variable, units, text in columns:
-        if variable in dataset:
-            numbers, unit = subject.column(units, subject.per_joint(variable))
+    for text, units, column in columns:
+        if not np.isnan(column).all():
+            numbers, unit = subject.column(units, column)
             head.append(f"{text} [{unit}]")
             values.append(list(numbers))
-    times = [peak_opening_time(dataset, name) for name in names]
+    times = [joint.opening_time for joint in peaks]
     head.insert(2, "at [s]")
     values.insert(1, [Cell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
+    names = [joint.joint for joint in peaks]
     rows = [list(row) for row in zip(names, *values, strict=True)]
     return Section("joints", "Joints", [
         Table(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
@@ -370,7 +361,8 @@ def _sliding_tables(subject: RunSubject) -> Iterator[Table]:
     ]
     head = ["joint", "block", "verdict", "least factor of safety", "slides [s]", "open [s]"]
     head += [f"residual slip [{unit}]", f"largest of a gap [{unit}]", f"path [{unit}]"]
-    yield Table(head, rows, "Sliding")
+    note = written_note(subject.dataset)
+    yield Table(head, rows, f"Sliding, {note}" if note else "Sliding")
 
 
 def stress_section(subject: RunSubject) -> Section | None:
@@ -390,7 +382,7 @@ def stress_section(subject: RunSubject) -> Section | None:
         ]
         parts.append(Table(head, rows, "Major principal stress, outside the ring; tension is positive"))
     if faces and "acceptance" in dataset:
-        kinds = [kind for kind in LIMITS if getattr(subject.config, kind.replace(" ", "_"))] or list(LIMITS)
+        kinds = limits_of(dataset)
         strength = subject.text("Pa", float(dataset.tensile_strength))
         judged = list[list[Value]]()
         for name in faces:
@@ -402,7 +394,7 @@ def stress_section(subject: RunSubject) -> Section | None:
                 judged.append([name, str(basis), ratio, *words])
         head = ["face", "stress", "demand-capacity ratio", *kinds]
         parts.append(Table(head, judged, f"Acceptance for a tensile strength of {strength}"))
-        parts += [Text(f"Limits of {kind}s: {LIMITS[kind]}.", soft=True) for kind in kinds]
+        parts += [Text(f"Limits of {kind}s: {limits}.", soft=True) for kind, limits in kinds.items()]
         source = "After EM 1110-2-6053 (2007), chapter 4, as later papers quote it: check the limits there."
         parts.append(
             Text(f"{source} A face that fails calls for nonlinear analysis of its concrete.", soft=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 import romdam
 from romdam.core.display_units import unit_text
+from romdam.postprocess.checks import MISSED, verdict
 from romdam.postprocess.responses import (
     RUNS,
     intensity_of,
@@ -232,7 +233,7 @@ def speed_section(subject: Subject) -> Section:
         )
     if asked:
         error = values_of(subject, "estimated_time_error")
-        over = int((error > asked).sum())
+        over = [verdict(value, asked) for value in error.tolist()].count(MISSED)
         notes.append(
             f"The time-stepping error asked for was {100 * asked:g} %; "
             f"{over} of {error.size} runs estimate more."

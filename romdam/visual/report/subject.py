@@ -14,10 +14,13 @@ from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.responses import each_once, responses
 from romdam.results.suite.rows import RunIndex
 
-_COMPRESSIONS = {
+_WORDS = {
     "peak_mean_compressive_stress": "peak compressive stress, mean of a writing interval",
     "peak_compressive_stress": "peak compressive stress, one instant",
     "peak_compression": "peak compression, one instant",
+    "residual_opening": "residual opening of a gap",
+    "residual_slip": "residual slip of a gap",
+    "residual_sliding": "residual slip of the joint",
 }
 
 
@@ -90,8 +93,8 @@ def values_of(subject: Subject, name: str, keep: bool = False) -> np.ndarray:
 
 
 def plain(name: str) -> str:
-    """A name as words; of a compression whether it is a mean or one instant's, which depends on the step."""
-    return _COMPRESSIONS.get(name, name.replace("_", " "))
+    """A name as words, which tell a mean from one instant's compression, and a gap from its joint."""
+    return _WORDS.get(name, name.replace("_", " "))
 
 
 def in_unit(values: xr.DataArray) -> str:
