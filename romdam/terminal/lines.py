@@ -140,7 +140,7 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
         return [*lines, f"mesh           {mesh}"]
     parts = opening_errors(attrs)  # in L2, of mesh, modes and steps, as far as they are known
     each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
-    total = f"at most {total_text(parts)} of the openings in L2: {each}"
+    total = f"of the openings in L2 at most {total_text(parts)}: {each}"
     lines += [f"mesh           {mesh}", f"total          {total}"]
     tried = [
         f"{entry['mesh']} {100 * entry['opening_error']:.2g} % ({entry['unknowns']} unknowns, "

@@ -115,7 +115,7 @@ def test_the_command_states_it_in_the_results_and_info_sums_all_errors(tmp_path)
     parts = ("discretisation_opening_l2", "error_estimate_opening_l2", "solver_estimated_time_error")
     total = 100.0 * sum(float(attrs[name]) for name in parts if name in attrs)
     _, after, _ = call("info", out / "pulse.nc")
-    assert f"total          about {total:.2g} % of the openings in L2 at most: mesh " in after
+    assert f"total          of the openings in L2 at most {total:.2g} %: mesh " in after
     assert call("run", tmp_path / "small.yaml", "--out", out, "--quiet")[0] == 0  # it finds it again
     with xr.open_dataset(out / "pulse.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["discretisation_statement"] == document["statement"]
