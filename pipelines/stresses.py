@@ -8,7 +8,6 @@ from pathlib import Path
 
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.fem.gaps import water_force
 from romdam.fem.sections import gap_section_operator, modal_section_forces
 from romdam.fem.stress import carried_stress, modal_stress, stress_operators, with_carried
 from romdam.postprocess.stress.sections import gap_section_forces, section_forces
@@ -16,6 +15,7 @@ from romdam.postprocess.stress.summary import StressHistory, StressSummary, summ
 from romdam.reduction.storage.staging import initial_forces, initial_stress
 from romdam.reduction.stress import digest_of_stress, stress_factors
 from romdam.reduction.synthesis import ReducedModel
+from romdam.results.case import water_at_rest
 from romdam.results.stress.file import StressFields, kept_stress
 
 
@@ -86,7 +86,8 @@ def stress_of(
         motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
         history = replace(history, **motion)
     if scene.stress.sections and scene.joints:
-        operator, water = gap_section_operator(scene, history.traction.shape[2]), water_force(scene)
-        gaps = gap_section_forces(operator, history.traction, (history.water, water))
+        operator = gap_section_operator(scene, history.traction.shape[2])
+        water = history.water, water_at_rest(scene, history)
+        gaps = gap_section_forces(operator, history.traction, water)
         source = replace(source, sections=source.sections + gaps)
     return history, summarise(scene.stress, source, history.time)

@@ -115,6 +115,16 @@ def written_note(dataset: xr.Dataset) -> str:
     return WRITTEN if leaves_out else ""
 
 
+def water_at_rest(dataset: xr.Dataset) -> xr.DataArray | None:
+    """Resultant of the water in every joint and its cracks at the start on block J, (joint, component) [N].
+
+    Of a result of an earlier version without that in cracks; None where no joint has water.
+    """
+    if "joint_water_force" in dataset:
+        return dataset.joint_water_force.isel(time=0)
+    return dataset.get("water_force")
+
+
 def peak_ground_acceleration(dataset: xr.Dataset) -> xr.DataArray:
     """Largest ground acceleration along each axis over all steps, (component,) [m/s2].
 

@@ -118,7 +118,9 @@ def joint_stability(
                 toe = along >= along.max() - _END * length
                 toe_pressure = float(pressed[toe].sum() / area[toe].sum())
                 cracked = open_share * length
-        water = float(np.linalg.norm(_water(of_joint, gaps)))
+        water = 0.0
+        if "joint_water_force" in first:
+            water = float(np.linalg.norm(of_joint.joint_water_force.values))
         bonded = float(of_joint.bonded_area) if "bonded_area" in first else 0.0
         slip = gaps.slip.values
         mean_slip = np.einsum("g,gj,gjx->x", area, slip, gaps.gap_tangent.values) / area.sum()
@@ -140,14 +142,6 @@ def joint_stability(
             )
         )
     return [*judged, *_groups(first, judged, rock)]
-
-
-def _water(of_joint: xr.Dataset, gaps: xr.Dataset) -> Floats:
-    """(3,) resultant of the water in a joint and in its cracks on block J [N]."""
-    water = np.zeros(3) if "water_force" not in of_joint else of_joint.water_force.values
-    if "crack_water_force" in gaps:
-        water = water + gaps.crack_water_force.values @ gaps.gap_normal.values
-    return np.asarray(water)
 
 
 def _groups(

@@ -98,6 +98,10 @@ class Case:
         """Tell whether water presses in some joint."""
         return any(joint.water.any() for joint in self.joints)
 
+    def has_water_force(self) -> bool:
+        """Tell whether water presses in some joint, or enters cracks."""
+        return self.has_joints() and (self.has_water_in_joints() or bool(self.history.water.any()))
+
     def has_probes(self) -> bool:
         """Tell whether there are output nodes."""
         return bool(self.scene.probes)
@@ -172,8 +176,15 @@ class Case:
         """(nt, joints, 3) contact and water that press on block J of each joint, along x, y, z [N]."""
         force, axes = self.history.traction, self.of_gaps("axes")
         on_J = np.einsum("tgd,gdx->tgx", force, axes[:, : force.shape[2]], optimize=True)
-        water = self.water_at_rest + (self.history.water if self.history.water.size else 0.0)
-        return self.joint_sums(on_J + water[..., None] * axes[:, 0])
+        return self.joint_sums(on_J) + self.joint_water_force
+
+    @property
+    def joint_water_force(self) -> Array:
+        """(nt, joints, 3) what of `joint_force` is water in the joint and in its cracks [N]."""
+        water = np.zeros((len(self.history.time), len(self.water_at_rest))) + self.water_at_rest
+        if self.history.water.size:
+            water += self.history.water
+        return self.joint_sums(water[..., None] * self.of_gaps("axes")[:, 0])
 
     def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
         """`reduce` applied to the gaps of each joint."""

@@ -301,6 +301,13 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.joint_force,
         lambda c: c.has_joints(),  # results of before 0.2 have none
     ),
+    "joint_water_force": Variable(
+        ("time", "joint", "component"),
+        "N",
+        "what of joint_force is water in the joint and in its cracks",
+        lambda c: c.joint_water_force,
+        Case.has_water_force,
+    ),
     **{f"{kind}_at_rest": _balance(kind, text) for kind, text in _BALANCED.items()},
     "imbalance_at_rest": Variable(
         ("body",),

@@ -223,11 +223,14 @@ def info_lines(dataset: xr.Dataset) -> list[str]:
 def _water_lines(dataset: xr.Dataset) -> list[str]:
     """Resultants of the water in joints, and what the joints carry beside it in the first row."""
     from romdam.core.round_off import without_round_off
+    from romdam.postprocess.maxima import water_at_rest
 
-    lines = []
-    for joint in dataset.joint.values if "water_force" in dataset else ():
+    lines, resultants = list[str](), water_at_rest(dataset)
+    if resultants is None:
+        return []
+    for joint in dataset.joint.values:
         carried = float(dataset.normal_force[0, dataset.gap_joint.values == joint].sum())
-        water = dataset.water_force.sel(joint=joint).values
+        water = resultants.sel(joint=joint).values
         x, y, z, carried = 1e-6 * without_round_off([*water, carried])
         block = str(dataset.joint_blocks.sel(joint=joint).values[1])
         crack = ""

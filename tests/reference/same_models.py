@@ -108,7 +108,7 @@ def turn(degrees: float) -> NDArray[np.float64]:
 
 
 def turned(raw: Job, degrees: float, folder: Path) -> Job:
-    """The model turned about z, its blocks as meshes of files; an angle of 0 makes those of the same frame."""
+    """The model turned about z, its blocks as meshes of files; with an angle of 0 those of the same frame."""
     R, made = turn(degrees), copy.deepcopy(raw)
     folder.mkdir(parents=True, exist_ok=True)
     for name, block in made["blocks"].items():

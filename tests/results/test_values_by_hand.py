@@ -301,6 +301,7 @@ EXPECTED_OF_JOINTS = {
     "water_force": (WHOLE, [[0, 11e5, 0], [0, 7e5, 4e5]]),  # 4e5 along y and 5e5 along (0, 0.6, 0.8)
     # contact and shear of row 3, water_force, and what entered: 9e3 on A, 21e3 and 15e3 on B
     "joint_force": (3, [[2.4e6, 33.109e6, 3.2e6], [3.2e6, 21.37e6, 15.132e6]]),
+    "joint_water_force": (3, [[0, 1.109e6, 0], [0, 0.73e6, 0.412e6]]),  # 21e3 + 0.6 15e3 entered B
     "loads_at_rest": (1, [10, 20, 30, 40, 50, 60]),
     "joints_at_rest": (1, [-30, -60, -90, -120, -150, -180]),
     "supports_at_rest": (0, [2, 4, 6, 8, 10, 12]),

@@ -147,14 +147,17 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location:
     under = _spaced(levels[levels <= on][::-1], size)
     above = _spaced(levels[levels > under[0] + size], size)
     around = np.r_[under[::-1], above]
-    # at a kink within the blocks their area changes its slope, or itself
+    # at a kink within the blocks the area of one of them changes its slope, or itself, and loads with it
     kinks, near = np.zeros(len(around), dtype=bool), _NEAR * size
     for k, level in enumerate(around):
         low_area, area, high_area = (
-            _areas(_cut(blocks, height, level + aside)).sum() for aside in (-near, 0.0, near)
+            np.array(
+                [_areas(_cut({key: block}, height, level + aside)).sum() for key, block in blocks.items()]
+            )
+            for aside in (-near, 0.0, near)
         )
-        change = abs(low_area - 2.0 * area + high_area) * size
-        kinks[k] = min(low_area, high_area) > 0.0 and change > _KINK * area * near
+        change = float(np.abs(low_area - 2.0 * area + high_area).sum()) * size
+        kinks[k] = min(low_area.sum(), high_area.sum()) > 0.0 and change > _KINK * area.sum() * near
     first, last = _between_kinks(around, kinks, on)
     under, above = under[under >= around[first]], above[above <= around[last]]
     least = _WINDOWS // 2 + (abs(under[0]) <= on)

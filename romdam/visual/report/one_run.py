@@ -15,7 +15,7 @@ import romdam
 from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
-from romdam.core.round_off import NOTHING, ROUND_OFF
+from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.postprocess.checks import NOT_JUDGED, run_checks
 from romdam.postprocess.maxima import (
     explained,
@@ -23,6 +23,7 @@ from romdam.postprocess.maxima import (
     limits_of,
     maxima,
     peak_ground_acceleration,
+    water_at_rest,
     written_note,
 )
 from romdam.postprocess.record_measures import stated_warnings
@@ -210,17 +211,19 @@ def loads_section(subject: RunSubject) -> Section:
     )
     if "construction_opening" in dataset:
         parts.append(_construction_table(subject))
-    if "water_force" in dataset:
-        values, unit = subject.column("N", dataset.water_force.values.ravel().tolist())
-        of_joints = np.reshape(values, dataset.water_force.shape)
-        of_joints[np.abs(of_joints) < 1e-9 * np.abs(of_joints).max()] = 0.0  # what round-off leaves
+    if (water := water_at_rest(dataset)) is not None:
+        shown = without_round_off(water.transpose("joint", "component").values)
+        values, unit = subject.column("N", shown.ravel().tolist())
+        of_joints = np.reshape(values, shown.shape)
         rows: list[list[Value]] = [
             [str(name), *row]
             for name, row in zip(dataset.joint.values, of_joints.tolist(), strict=True)
             if any(row)
         ]
         head = ["joint", *(f"{axis} [{unit}]" for axis in "xyz")]
-        parts.append(Table(head, rows, "Resultant of the water in joints, on block J"))
+        parts.append(
+            Table(head, rows, "Resultant of the water in joints and their cracks at rest, on block J")
+        )
     if "loads_at_rest" in dataset:
         parts.append(_balance_table(subject))
     return Section("loads", "Loads", parts)
