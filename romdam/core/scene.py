@@ -360,6 +360,7 @@ class Section:
     area : [m2]
     inertia : (2, 2) second moments of the area about the centroid, along the two axes [m4]
     sides : (4, 3) ends of the section through its centroid: first axis low and high, second low and high [m]
+    coarse : whether too few elements are between its plane and the end of a block for a step that is right
     """
 
     name: str
@@ -370,6 +371,7 @@ class Section:
     area: float
     inertia: Floats
     sides: Floats
+    coarse: bool = False
 
 
 @dataclass(frozen=True)

@@ -169,6 +169,8 @@ def _displacement(structure: Structure, peaks: ModalPeaks) -> xr.Dataset:
 def _stress(structure: Structure, sites: StressSites, peaks: ModalPeaks) -> xr.Dataset:
     scene, of_blocks = structure.scene, list[dict[str, Floats]]()
     for name, nodes in sites.blocks.items():
+        if not len(nodes.nodes):  # a section cuts it, and no stress of it is asked for
+            continue
         stress = structure.stress[name]
         q = structure.static[stress.columns]
         static = stress.fields @ (stress.combinations @ q) + stress.offset

@@ -69,6 +69,13 @@ def odd_remarks(
     ]
     remarks += _unjoined(scene)
     remarks += _heavy_rock(scene)
+    remarks += [
+        f"outputs.stress.sections.{section.name}: fewer than three layers of elements are between the plane "
+        "and the end of a block, so that its shear and moment are those of loads that are even over the "
+        "height; refine the mesh there, or move `point`"
+        for section in (() if scene.stress is None else scene.stress.sections)
+        if section.coarse
+    ]
     rigid = [
         name
         for name, change in scene.warmed.items()

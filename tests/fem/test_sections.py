@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh, spsolve
 
+import romdam
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.errors import ConfigError
@@ -356,3 +357,45 @@ def test_plane_beside_the_block_is_refused():
         scene_of({"s": {"blocks": [], "point": [0, 0, 1]}}, {})
     with pytest.raises(ConfigError, match=r"sections\.s\.blocks"):
         scene_of({"s": {"blocks": ["other"], "point": [0, 0, 1]}}, {})
+
+
+@pytest.mark.parametrize("height", [0.0, 0.01, 0.5, 2.0])
+def test_section_through_rock_and_dam_of_one_area_bears_what_is_above_it(height):
+    """Where the dam ends on the rock its loads end too, though the area of all blocks has no kink there.
+
+    N = rho g A (h - z), V = g_w b (H - z)^2 / 2, M = V (H - z) / 3, by hand.
+    """
+    size, level, b, length = 0.5, 3.0, 1.0, 2.0
+    box = {"element": "hex8", "element_size": [1.0, 1.0, size]}
+    dead = {"material": "concrete", "mass": False, "weight": False}
+    raw = {
+        "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0}},
+        "blocks": {
+            "rock": dead | {"box": box | {"origin": [0, 0, -2], "size": [b, length, 2]}},
+            "dam": {"material": "concrete", "box": box | {"origin": [0, 0, 0], "size": [b, length, 4]}},
+        },
+        "supports": [{"block": "rock", "face": "zmin"}],
+        "joints": {
+            "base": {"between": ["rock", "dam"], "normal_stiffness": 1e10, "shear_stiffness": 5e9, "friction": 2.0}
+        },
+        "loads": {
+            "gravity": [0, 0, -9.81],
+            "hydrostatic": [{"level": level, "faces": [{"block": "dam", "face": "ymin"}]}],
+        },
+        "damping": {"rayleigh": {"frequencies": [5, 50], "ratio": 0.05}},
+        "transient": {"finest_step": 0.001},
+        "outputs": {
+            "plots": False, "error_estimate": False, "mesh_error": False,
+            "stress": {"blocks": "all", "sections": {"s": {"point": [0, 0, height], "blocks": "all"}}},
+        },
+    }  # fmt: skip
+    still = romdam.GroundMotion.from_arrays("still", {"y": [0.0] * 5}, 0.01)
+    dataset = romdam.run(raw, motions=still).results[0].dataset
+    axes = dataset.section_axes.values[0]
+    force = dataset.section_force.values[0, 0] @ axes
+    moment = dataset.section_moment.values[0, 0] @ axes
+    thrust = 9810.0 * b * (level - height) ** 2 / 2.0
+    assert force == pytest.approx(
+        [0.0, thrust, -2400.0 * 9.81 * b * length * (4.0 - height)], rel=2e-3, abs=1.0
+    )
+    assert abs(moment[0]) == pytest.approx(thrust * (level - height) / 3.0, rel=5e-3)

@@ -48,7 +48,7 @@ def two_blocks(element: str = "hex8", discretization: str = "", height: float = 
     """
 
     def box(x: float, wide: float, z: float, high: float, across: float = 2.0) -> Job:
-        sizes = [across, 2.0, high / 2.0]
+        sizes = [across, 2.0, high / 4.0 if z >= 0.0 else high / 2.0]
         shape = {"origin": [x, 0.0, z], "size": [wide, 6.0, high], "element_size": sizes}
         return {"box": shape | {"element": element}}
 

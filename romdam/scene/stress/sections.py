@@ -13,13 +13,13 @@ area has a kink; forces of gaps, which begin and end anywhere, are counted by th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from romdam.config.sections.stress import SectionConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Bools, Ints, Joint, Section
+from romdam.core.scene import Block, Bools, Ints, Joint, Section, Tie
 from romdam.geometry.elements import Floats
 from romdam.geometry.facets import below
 from romdam.geometry.meshes.kinds import frame
@@ -29,6 +29,7 @@ _APART = 0.5  # of a cell's height, at least, from level to level
 _ON = 1e-6  # of the blocks' height: what is on the plane
 _ASIDE = 1e-9  # of the blocks' height: how far from nodes on the plane its area is taken
 _FEWEST = 3  # windows between levels, below which a kink is passed over
+_LEAST = 2  # windows below which the end of a block is passed over: what bears weight has to be right
 _NEAR = 1e-3  # of a cell's height: where the area's slope is taken near a level
 _KINK = 0.02  # of the area, what its slope changes by over a cell's height
 _TETRAHEDRA = {  # that fill a cell, by its number of corners
@@ -46,8 +47,12 @@ _CUTS = {  # corners above the plane, of four from low to high -> triangles of p
 _UPRIGHT = 0.99  # cosine beyond which a normal is taken to be along an axis
 
 
-def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block], location: str) -> Section:
+def build_section(
+    name: str, config: SectionConfig, blocks: Mapping[str, Block], ties: Sequence[Tie], location: str
+) -> Section:
     """Find the step, the axes and the shape of a section.
+
+    Every block, or several that are tied, has levels of its own: forces of gaps are counted by themselves.
 
     Raises
     ------
@@ -68,9 +73,26 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     axes, point = np.stack([normal, first, np.cross(normal, first)]), np.array(config.point)
 
     height = {key: (block.points - point) @ axes[0] for key, block in chosen.items()}
-    levels = _levels(chosen, height, location)
-    step = {key: _above(heights, levels, 0) for key, heights in height.items()}
-    arm = {key: _above(heights, levels, 1) for key, heights in height.items()}
+    whole = np.concatenate(list(height.values()))
+    on = _ON * float(np.ptp(whole))
+    if not whole.min() <= on or not whole.max() >= -on:
+        raise ConfigError(
+            f"{location}: the plane does not meet {', '.join(chosen)}, which reach from "
+            f"{whole.min():.6g} to {whole.max():.6g} m along the normal from `point`; move `point`, or name "
+            "the blocks that it cuts"
+        )
+    step, arm, coarse = dict[str, Floats](), dict[str, Floats](), False
+    for body in _bodies(list(chosen), ties):
+        of_body = {key: height[key] for key in body}
+        low, high = min(map(np.min, of_body.values())), max(map(np.max, of_body.values()))
+        if high <= on < whole.max() or low > on:  # beside the plane
+            step |= {key: np.full(len(heights), float(low > on)) for key, heights in of_body.items()}
+            arm |= {key: np.where(heights > on, heights, 0.0) for key, heights in of_body.items()}
+            continue
+        levels, few = _levels({key: chosen[key] for key in body}, of_body, on)
+        step |= {key: _above(heights, levels, 0) for key, heights in of_body.items()}
+        arm |= {key: _above(heights, levels, 1) for key, heights in of_body.items()}
+        coarse = coarse or few
 
     # area, centroid (3,) and second moments (3, 3) about it of the plane's triangles
     triangles = _cut(chosen, height, _aside(height))
@@ -84,7 +106,8 @@ def build_section(name: str, config: SectionConfig, blocks: Mapping[str, Block],
     along = (triangles.reshape(-1, 3) - centroid) @ axes[1:].T
     reach = np.stack([along.min(axis=0), along.max(axis=0)], axis=1)  # (axis, end)
     sides = centroid + (reach[:, :, None] * axes[1:, None, :]).reshape(4, 3)
-    return Section(name, step, arm, axes, centroid, float(area.sum()), axes[1:] @ second @ axes[1:].T, sides)
+    inertia = axes[1:] @ second @ axes[1:].T
+    return Section(name, step, arm, axes, centroid, float(area.sum()), inertia, sides, coarse)
 
 
 def gaps_above(joint: Joint, section: Section, blocks: Mapping[str, Block]) -> Floats:
@@ -130,25 +153,31 @@ def _aside(height: Mapping[str, Floats]) -> float:
     return aside if whole.max() > aside else -aside
 
 
-def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location: str) -> Floats:
-    """Up to five levels of corner nodes around the plane, above it, between kinks of the area [m]."""
+def _bodies(names: Sequence[str], ties: Sequence[Tie]) -> list[list[str]]:
+    """Names of blocks, those together that are tied."""
+    body = {name: name for name in names}
+    for tie in ties:
+        I, J = (body.get(name) for name in tie.blocks)
+        if I is not None and J is not None:
+            body = {name: I if owner == J else owner for name, owner in body.items()}
+    return [[name for name in names if body[name] == owner] for owner in dict.fromkeys(body.values())]
+
+
+def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], on: float) -> tuple[Floats, bool]:
+    """Up to five levels of corner nodes around the plane, above it, between kinks of the area [m].
+
+    And whether too few of them are there for a step that is right.
+    """
     corners = {key: height[key][b.cells[:, : frame(b.element).corners]] for key, b in blocks.items()}
-    low, high = min(c.min() for c in corners.values()), max(c.max() for c in corners.values())
-    on = _ON * (high - low)
     bottom, top = (np.concatenate([f(c, axis=1) for c in corners.values()]) for f in (np.min, np.max))
     met = (bottom <= on) & (top >= -on)
-    if not met.any():
-        raise ConfigError(
-            f"{location}: the plane does not meet {', '.join(blocks)}, which reach from {low:.6g} to "
-            f"{high:.6g} m along the normal from `point`; move `point`, or name the blocks that it cuts"
-        )
     size = _APART * float(np.median((top - bottom)[met]))
     levels = np.unique(np.concatenate([c.ravel() for c in corners.values()]))
     under = _spaced(levels[levels <= on][::-1], size)
     above = _spaced(levels[levels > under[0] + size], size)
     around = np.r_[under[::-1], above]
     # at a kink within the blocks the area of one of them changes its slope, or itself, and loads with it
-    kinks, near = np.zeros(len(around), dtype=bool), _NEAR * size
+    (kinks, ends), near = np.zeros((2, len(around)), dtype=bool), _NEAR * size
     for k, level in enumerate(around):
         low_area, area, high_area = (
             np.array(
@@ -157,29 +186,37 @@ def _levels(blocks: Mapping[str, Block], height: Mapping[str, Floats], location:
             for aside in (-near, 0.0, near)
         )
         change = float(np.abs(low_area - 2.0 * area + high_area).sum()) * size
-        kinks[k] = min(low_area.sum(), high_area.sum()) > 0.0 and change > _KINK * area.sum() * near
-    first, last = _between_kinks(around, kinks, on)
+        within = min(low_area.sum(), high_area.sum()) > 0.0
+        kinks[k] = within and change > _KINK * area.sum() * near
+        ends[k] = within and bool(((low_area > 0.0) != (high_area > 0.0)).any())
+    span = (
+        _between_kinks(around, kinks, on, _FEWEST)
+        or _between_kinks(around, ends, on, _LEAST)
+        or (0, len(around) - 1)
+    )
+    first, last = span
+    coarse = bool(ends[first + 1 : last].any()) or last - first < _FEWEST
     under, above = under[under >= around[first]], above[above <= around[last]]
     least = _WINDOWS // 2 + (abs(under[0]) <= on)
     taken = max(least, _WINDOWS + 1 - len(above))
-    return np.r_[under[:taken][::-1], above][: _WINDOWS + 1]
+    return np.r_[under[:taken][::-1], above][: _WINDOWS + 1], coarse
 
 
-def _between_kinks(levels: Floats, kinks: Bools, on: float) -> tuple[int, int]:
+def _between_kinks(levels: Floats, kinks: Bools, on: float, fewest: int) -> tuple[int, int] | None:
     """First and last of the levels around the plane between which the area has no kink.
 
-    A plane in a kink goes with what is above it, or else below. Where too few levels are left for a step that
-    is right, kinks are passed over.
+    A plane in a kink goes with what is above it, or else below. None where fewer windows are left than the
+    fewest, for a step that is right.
     """
     inner = np.flatnonzero(kinks)
     ends = np.r_[0, inner, len(levels) - 1]
     low, high = ends[levels[ends] <= on].max(initial=0), ends[levels[ends] > on].min(initial=len(levels) - 1)
-    if high - low >= _FEWEST:
+    if high - low >= fewest:
         return int(low), int(high)
     lower = ends[ends < low].max(initial=0)
-    if abs(levels[low]) <= on and low - lower >= _FEWEST:
+    if abs(levels[low]) <= on and low - lower >= fewest:
         return int(lower), int(low)
-    return 0, len(levels) - 1
+    return None
 
 
 def _spaced(levels: Floats, size: float) -> Floats:

@@ -62,7 +62,7 @@ def stress_sites(config: StressConfig | None, structure: Structure, location: st
         for name, p in config.nodes.items()
     }
     sections = tuple(
-        build_section(name, section, blocks, f"{location}.sections.{name}")
+        build_section(name, section, blocks, structure.ties, f"{location}.sections.{name}")
         for name, section in config.sections.items()
     )
     sites = {}
