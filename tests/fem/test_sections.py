@@ -367,6 +367,7 @@ def test_section_through_rock_and_dam_of_one_area_bears_what_is_above_it(height)
     """
     size, level, b, length = 0.5, 3.0, 1.0, 2.0
     box = {"element": "hex8", "element_size": [1.0, 1.0, size]}
+    joint = {"normal_stiffness": 1e10, "shear_stiffness": 5e9, "friction": 2.0}
     dead = {"material": "concrete", "mass": False, "weight": False}
     raw = {
         "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0}},
@@ -376,8 +377,9 @@ def test_section_through_rock_and_dam_of_one_area_bears_what_is_above_it(height)
         },
         "supports": [{"block": "rock", "face": "zmin"}],
         "joints": {
-            "base": {"between": ["rock", "dam"], "normal_stiffness": 1e10, "shear_stiffness": 5e9, "friction": 2.0}
+            "base": joint | {"between": ["rock", "dam"]}
         },
+        "model": {"modes": 4},
         "loads": {
             "gravity": [0, 0, -9.81],
             "hydrostatic": [{"level": level, "faces": [{"block": "dam", "face": "ymin"}]}],
