@@ -35,11 +35,11 @@ from romdam.core.threads import cpu_time, in_background, one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.approximations import not_included
 from romdam.error.statement import ErrorStatement, accuracy_warnings, read_verification
-from romdam.fem.balance import balance_at_rest, refuse_unbalanced
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.automatic_mesh import MeshChoice, Trial, choose_mesh, with_accuracy
 from romdam.pipelines.automatic_modes import choose_modes, with_modes
 from romdam.pipelines.automatic_spacing import automatic_joints, choose_spacing
+from romdam.pipelines.balance import with_balance
 from romdam.pipelines.error.estimate import can_estimate, variable_models, with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling, find_sibling, run_with_stress, with_stress
 from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
@@ -60,7 +60,7 @@ from romdam.postprocess.variant_tables import Table
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
-from romdam.results.case import rock_blocks, water_at_rest
+from romdam.results.case import rock_blocks
 from romdam.results.dataset import Timing, build_dataset, run_identity, write_dataset
 from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
@@ -584,25 +584,6 @@ def run_motion(
     for concern in concerns:
         log.warning("%s: %s", motion.name, concern)
     return FinishedRun(path, dataset, case, (time.perf_counter() - wall, cpu_time() - cpu))
-
-
-def with_balance(job: Job, model: Model, history: History) -> History:
-    """The history with the balance of its forces at rest, where it begins there.
-
-    Raises
-    ------
-    ConvergenceError
-        where they do not balance.
-    """
-    if job.config.loads.begins != "static" or model.prepared.goes_on_from is not None:
-        return history
-    scene, water = model.scene, water_at_rest(model.scene, history)
-    if history.water.size:
-        water = water + history.water[0]
-    dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
-    balance = balance_at_rest(scene, history.traction[0], water, dam)
-    refuse_unbalanced(balance)
-    return replace(history, balance=balance)
 
 
 def _estimated(

@@ -22,6 +22,7 @@ from romdam.error.statement import row_errors
 from romdam.fem.assembly import Assembly
 from romdam.fem.damping import modal_coefficients
 from romdam.fem.gaps import gap_law
+from romdam.pipelines.balance import with_balance
 from romdam.pipelines.error.estimate import finer_model, with_estimates
 from romdam.pipelines.floor_spectra import floors_of
 from romdam.pipelines.simulation import Model, prepare, simulate_motions
@@ -177,6 +178,7 @@ def _row(
 ) -> Row:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
+    history = with_balance(suite.job, model, history)
     history, estimate = with_estimates(suite.job, model, motion, history)
     attributes = {"model_order": suite.job.config.model.order}
     stated = row_errors(attributes | (dict(estimate.attributes) if estimate is not None else {}))

@@ -469,6 +469,7 @@ def test_all_that_is_printed_of_a_job_is_one_set_of_numbers(kind, tmp_path):
         with romdam.open_result(path) as opened:
             dataset = opened.dataset.load()
         record = str(dataset.attrs["record"])
+        assert float(dataset.imbalance_at_rest.max()) <= 1e-6, "in suites too"
         tables = {}
         for name in ("maxima", "sliding"):
             file = path.with_name(f"{path.stem}-{name}.csv")
