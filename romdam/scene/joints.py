@@ -112,8 +112,13 @@ def build_joint(
     joint_of_nodes = _without_held_gaps(every_gap, fixed, parts, location)
     if not isinstance(joint.spacing, float):
         return joint_of_nodes
-    along = local_axes(mean_normal(joint_of_nodes)[None])[0, 1:]
-    coarse = coarsen_gaps(joint_of_nodes, surface, joint.spacing, along, location)
+    # axes and a node that the order of the names does not change
+    first = blocks[min(joint.between)]
+    outward = mean_normal(joint_of_nodes) * (1.0 if joint.between[0] == first.name else -1.0)
+    along = local_axes(outward[None])[0, 1:]
+    at_first = joint_of_nodes.nodes[joint.between.index(first.name)]
+    origin = first.points[int(at_first.min())]
+    coarse = coarsen_gaps(joint_of_nodes, surface, joint.spacing, along, origin, location)
     nodes, gaps = len(joint_of_nodes.area), len(coarse.area)
     _log.info("%s: spacing %g m: %d gaps for %d nodes", location, joint.spacing, gaps, nodes)
     return replace(

@@ -44,7 +44,9 @@ _SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is 
 _CHUNK = 4_000_000  # numbers at a time
 
 
-def coarsen_gaps(joint: Joint, surface: Surface, spacing: float, along: Floats, location: str) -> Joint:
+def coarsen_gaps(
+    joint: Joint, surface: Surface, spacing: float, along: Floats, origin: Floats, location: str
+) -> Joint:
     """Replace the gaps of a joint by contact points about `spacing` apart; see the module.
 
     Parameters
@@ -52,7 +54,10 @@ def coarsen_gaps(joint: Joint, surface: Surface, spacing: float, along: Floats, 
     joint : with gaps at all nodes of the face that can open; what follows from its areas is not changed
     surface : that they stand on
     spacing : distance of contact points [m]
-    along : (2, 3) unit vectors along j and k in the middle of the joint
+    along : (2, 3) unit vectors along j and k in the middle of the joint, of a normal that does not depend on
+        which block is named first
+    origin : (3,) a node of the face: of contact points that might as well stand elsewhere those nearer to it
+        are taken, whichever block is named first and whatever the axes
     location : file and key of the joint, for messages
 
     Returns
@@ -72,7 +77,8 @@ def coarsen_gaps(joint: Joint, surface: Surface, spacing: float, along: Floats, 
             "in; leave spacing out, and every node has a gap"
         )
     flat = (joint.position - joint.position.mean(axis=0)) @ along.T
-    points = _contact_points(flat, _outline(surface, joint.corner), spacing)
+    seen = (origin - joint.position.mean(axis=0)) @ along.T
+    points = _contact_points(flat, _outline(surface, joint.corner), spacing, seen)
     if len(points) == len(flat):
         return joint
     hats = _hats(flat[points], flat)
@@ -130,10 +136,20 @@ def _outline(surface: Surface, corner: Ints) -> list[Ints]:
     return loops
 
 
-def _contact_points(flat: Floats, loops: list[Ints], spacing: float) -> Ints:
-    """Choose gaps about `spacing` apart: corners of the outline, points between them, then points inside."""
-    chosen = list[int]()
-    for loop in loops:
+def _contact_points(flat: Floats, loops: list[Ints], spacing: float, origin: Floats) -> Ints:
+    """Choose gaps about `spacing` apart: corners of the outline, points between them, then points inside.
+
+    All is counted from the corner nearest to the origin, counterclockwise, so that of gaps which would do as
+    well one is chosen that neither axes nor numbers of facets change.
+
+    Parameters
+    ----------
+    flat, origin : (n, 2), (2,) in axes of the face, right-handed about a normal of its own [m]
+    """
+    chosen, unit, rows = list[int](), _ROUNDING * spacing, flat
+    for k, around in enumerate(sorted(loops, key=len, reverse=True)):
+        x, y = flat[around].T
+        loop = around if x @ (np.roll(y, -1) - np.roll(y, 1)) > 0.0 else around[::-1]
         ahead = np.roll(flat[loop], -1, axis=0) - flat[loop]
         behind = np.roll(ahead, 1, axis=0)
         turn = np.abs(
@@ -141,18 +157,25 @@ def _contact_points(flat: Floats, loops: list[Ints], spacing: float) -> Ints:
         )
         corners = np.flatnonzero(turn > np.radians(_CORNER))
         if not len(corners):
-            corners = np.array([0])
+            corners = np.arange(len(loop))[:1]
+        apart = np.round(np.linalg.norm(flat[loop[corners]] - origin, axis=1) / unit)
+        corners = np.roll(corners, -int(apart.argmin()))
+        corners = corners + np.where(corners < corners[0], len(loop), 0)
         ends = np.append(corners, corners[0] + len(loop))
+        if k == 0 and len(corners) > 1:  # axes along the first side, and inwards from it
+            first_side = flat[loop[ends[1] % len(loop)]] - flat[loop[ends[0]]]
+            a, b = first_side / np.linalg.norm(first_side)
+            rows = flat @ np.array([[a, -b], [b, a]])
         for first, last in pairwise(ends.tolist()):
             side = loop[np.arange(first, last + 1) % len(loop)]
             along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(flat[side], axis=0), axis=1)))
             pieces = max(1, round(along[-1] / spacing))
             wanted = np.linspace(0.0, along[-1], pieces + 1)[:-1]
-            off = np.abs(along[:, None] - wanted) / (_ROUNDING * spacing)
+            off = np.abs(along[:, None] - wanted) / unit
             chosen += side[np.round(off).argmin(axis=0)].tolist()
     points = list(dict.fromkeys(chosen))
     # row by row along the longer extent of the face, so that points of a regular mesh stand in rows
-    rows = np.round(flat[:, np.argsort(-np.ptp(flat, axis=0))] / (_ROUNDING * spacing))
+    rows = np.round(rows[:, np.argsort(-np.round(np.ptp(rows, axis=0) / unit), kind="stable")] / unit)
     least = _CLOSE * spacing
     distance = np.full(len(flat), np.inf)
     for point in points:

@@ -174,7 +174,8 @@ def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
     block = scene.blocks[joint.face.block]
     surface = Surface(block.name, block.points, joint.face.facets[0])
     along = local_axes(mean_normal(joint)[None])[0, 1:]
-    plain = coarsen_gaps(joint, surface, 3.0, along, "here")
+    origin = joint.position[0]
+    plain = coarsen_gaps(joint, surface, 3.0, along, origin, "here")
     a = np.radians(33.0)
     turn = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
     rng = np.random.default_rng(3)
@@ -189,12 +190,25 @@ def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
         weights=tuple(w[order] for w in joint.weights),
         at_point=None if joint.at_point is None else tuple(w[order] for w in joint.at_point),
     )
-    other = coarsen_gaps(turned, surface, 3.0, along @ turn.T, "here")
+    other = coarsen_gaps(turned, surface, 3.0, along @ turn.T, origin @ turn.T, "here")
     apart = np.linalg.norm((plain.position @ turn.T)[:, None] - other.position, axis=2)
     pair = apart.argmin(axis=1)
     assert apart.min(axis=1).max() < 1e-9 and len(plain.area) == len(other.area)
     for found, exact in zip(other.weights, plain.weights, strict=True):
         assert abs(found[pair] - exact).max() < 1e-8
+
+
+@pytest.mark.parametrize("keys", [{}, {"right": 1.5}], ids=["node to node", "mortar"])
+@pytest.mark.parametrize("spacing", [2.5, 3.0, 4.0])
+def test_contact_points_do_not_depend_on_the_block_that_is_named_first(make, keys, spacing):
+    """Nodes at equal distances from where a point is wanted must not be chosen by the joint's axes."""
+    raw = floating_pair(spacing=spacing, **keys)
+    one = make(raw).joints["c"]
+    raw["joints"]["c"]["between"] = raw["joints"]["c"]["between"][::-1]
+    other = make(raw).joints["c"]
+    apart = np.linalg.norm(one.position[:, None] - other.position, axis=2)
+    assert len(one.area) == len(other.area) and apart.min(axis=1).max() < 1e-9
+    np.testing.assert_allclose(other.area[apart.argmin(axis=1)], one.area, rtol=1e-9)
 
 
 def test_a_gap_has_the_axes_of_the_node_at_which_it_stands(make):
@@ -205,7 +219,8 @@ def test_a_gap_has_the_axes_of_the_node_at_which_it_stands(make):
     normals = np.column_stack([np.sin(angle), np.cos(angle), np.zeros(len(angle))])
     bent = replace(joint, axes=local_axes(normals))
     surface = Surface(block.name, block.points, joint.face.facets[0])
-    some = coarsen_gaps(bent, surface, 3.0, local_axes(mean_normal(bent)[None])[0, 1:], "here")
+    along = local_axes(mean_normal(bent)[None])[0, 1:]
+    some = coarsen_gaps(bent, surface, 3.0, along, bent.position[0], "here")
     nodes = np.linalg.norm(some.position[:, None] - bent.position, axis=2).argmin(axis=1)
     assert 4 < len(some.area) < len(bent.area)
     np.testing.assert_array_equal(some.axes, bent.axes[nodes])
@@ -238,7 +253,8 @@ def test_a_face_that_turns_around_a_corner_is_refused(make):
     axes[joint.position[:, 2] > 9.0] = axes[0] @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     surface = Surface("left", scene.blocks["left"].points, joint.face.facets[0])
     with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
-        coarsen_gaps(replace(joint, axes=axes), surface, 5.0, np.eye(3)[:2], "s.yaml: joints.c")
+        bent = replace(joint, axes=axes)
+        coarsen_gaps(bent, surface, 5.0, np.eye(3)[:2], joint.position[0], "s.yaml: joints.c")
 
 
 def shaken(spacing=None, **changes):
