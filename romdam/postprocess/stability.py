@@ -21,7 +21,7 @@ from romdam.core.system import OPEN
 from romdam.postprocess.joint_roles import mean_normal, rock_of, upper_is_J, upward
 
 STABLE, NOT_STABLE, NO_EQUILIBRIUM, NOT_FOUND = "stable", "not stable", "no equilibrium", "not found"
-_END = 1e-6  # of a joint's length: gaps so near to the end are at its toe
+_KERN = 1.0 / 6.0  # of a joint's length, from its middle: a resultant farther out leaves a part unloaded
 Row = tuple[str, ...]
 HEAD: Row = (
     "record", "joint", "verdict", "factor", "required", "shear [MN]", "compression [MN]", "water [MN]",
@@ -46,8 +46,10 @@ class JointStability:
         its cracks [N]
     resultant : where the contact pressure's resultant stands along the direction in which the block that
         stands on the other would slide: 0 at the heel, 1 at the toe; NaN without shear, and of several joints
-    toe_pressure : mean contact pressure of the gaps at the toe [Pa]; NaN where `resultant` is
-    cracked_length : of the joint's length, the part that is open [m]; NaN where `resultant` is
+    toe_pressure : at the toe of a pressure that is linear along the joint, without tension, and has this
+        resultant, N / A (1 + 6 e / L) in the kern [Pa]; NaN where `resultant` is, or beyond the base
+    cracked_length : of the joint's length, the part that is open; where uplift is redrawn, from the heel to
+        the crack's tip [m]; NaN where `resultant` is
     open_share, bonded_share : of the joint's area
     slip : mean over the joint since its first state [m]
     """
@@ -77,7 +79,7 @@ class JointStability:
         if np.isnan(self.resultant):
             return "-"
         from_middle = abs(self.resultant - 0.5)
-        if from_middle <= 1.0 / 6.0 + 1e-9:
+        if from_middle <= _KERN + 1e-9:
             return "in the kern (middle third)"
         end = "toe" if self.resultant > 0.5 else "heel"
         if from_middle <= 0.25:
@@ -115,9 +117,10 @@ def joint_stability(
             low, length = float(along.min()), float(np.ptp(along))
             if length > 0.0:
                 resultant = float((pressed @ along / whole - low) / length)
-                toe = along >= along.max() - _END * length
-                toe_pressure = float(pressed[toe].sum() / area[toe].sum())
+                toe_pressure = _toe_pressure(whole / float(area.sum()), resultant)
                 cracked = open_share * length
+                if "crack_at_rest" in gaps and not np.isnan(gaps.crack_at_rest.values).any():
+                    cracked = float(np.average(gaps.crack_at_rest.values, weights=area))
         water = 0.0
         if "joint_water_force" in first:
             water = float(np.linalg.norm(of_joint.joint_water_force.values))
@@ -142,6 +145,22 @@ def joint_stability(
             )
         )
     return [*judged, *_groups(first, judged, rock)]
+
+
+def _toe_pressure(mean: float, resultant: float) -> float:
+    """Pressure at the toe that is linear along the base without tension, from its mean [Pa].
+
+    References
+    ----------
+    USACE, EM 1110-2-2200 (1995), Gravity Dam Design, chapter 4: N / A (1 + 6 e / L); beyond the kern N acts
+    in the third of what is pressed.
+    """
+    out = resultant - 0.5
+    if not 0.0 < resultant < 1.0:
+        return np.nan
+    if abs(out) <= _KERN:
+        return mean * (1.0 + 6.0 * out)
+    return 2.0 * mean / (3.0 * (1.0 - resultant)) if out > 0.0 else 0.0
 
 
 def _groups(

@@ -12,7 +12,7 @@ from test_initial_state import BOND, G, after, job, motion, pulses, run
 import romdam
 from romdam.core.errors import ConfigError
 from romdam.pipelines.stability import assess_stability
-from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_STABLE, STABLE
+from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_STABLE, STABLE, _toe_pressure
 
 WEIGHT, PUSH = 2400 * G * 8, 40e3  # [N]
 PUSHED = {"force": [{"block": "block", "at": [x, 1, 2], "force": [0, 0.5 * PUSH, 0]} for x in (0, 2)]}
@@ -53,7 +53,12 @@ def test_what_is_left_holds_by_friction_alone(shaken):
         PUSH, rel=1e-6
     )
     assert joint.resultant == pytest.approx((1.0 + PUSH * 2.0 / WEIGHT) / 2.0, rel=1e-5)
-    assert joint.bonded_share == 0.0 and joint.water == 0.0
+    assert joint.bonded_share == 0.0 and joint.water == 0.0 and joint.cracked_length == 0.0
+    # N acts at 1 - H h / W of 2 m from the toe, in the third of a triangle of pressure
+    assert joint.toe_pressure == pytest.approx(
+        2.0 * WEIGHT / (3.0 * (1.0 - PUSH * 2.0 / WEIGHT) * 2.0), rel=1e-4
+    )
+    assert joint.location == "in the middle half, towards the toe"
     assert joint.verdict == STABLE and assessed.is_stable
     with romdam.open_result(shaken) as opened:
         left = opened.dataset.slip.values[-1]
@@ -220,3 +225,11 @@ def test_check_refuses_changes_that_lead_nowhere(tmp_path):
     record = {"file": str(tmp_path / "b.txt"), "dt": 0.002, "unit": "m/s2", "components": {"y": 1}}
     with pytest.raises(ConfigError, match=r"post_earthquake\.changes\.loads\.force\.3\.at"):
         romdam.check(judged(changes={"loads.force.3.at": [0, 0, 0]}, **PUSHED) | {"records": [record]})
+
+
+def test_pressure_at_the_toe_beyond_the_kern_is_that_of_a_triangle():
+    """N acts in the third of what is pressed: at 0.8 of the base over 0.6 of it, with 2 N / (0.6 A)."""
+    assert _toe_pressure(1.0, 0.8) == pytest.approx(2.0 / 0.6, rel=1e-12)
+    assert _toe_pressure(1.0, 2.0 / 3.0) == pytest.approx(2.0, rel=1e-9)
+    assert _toe_pressure(1.0, 0.5) == 1.0 and _toe_pressure(1.0, 0.2) == 0.0
+    assert np.isnan(_toe_pressure(1.0, 1.1))
