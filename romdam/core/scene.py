@@ -447,7 +447,8 @@ class Scene:
     initial : state of another run that runs begin with; None without
     construction : stages in which the dam was built, one after another
     remarks : what of the scene is odd and may not be meant, one sentence each
-    load_order : kinds of static loads, in the order in which they are applied to the state at rest
+    load_order : kinds of static loads, in the order in which they are applied to the state at rest; empty
+        where all come together
     """
 
     blocks: dict[str, Block]

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
-from romdam.core.scene import Scene
+from romdam.core.scene import LOAD_KINDS, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import Coordinates, ModalCoordinates
 from romdam.fem.assembly import assemble_mass
@@ -44,7 +44,7 @@ class StaticLoads:
 
     def static_loads(self, moving: PseudoStatic | None) -> dict[str, Floats]:
         """Each kind but the first; with their sum, and inertia for weight, they span all."""
-        acting = [kind for kind in self.scene.load_order if any(kind in of for of in self.kinds.values())]
+        acting = [kind for kind in LOAD_KINDS if any(kind in of for of in self.kinds.values())]
         blocks = self.scene.blocks
         return {
             name: np.column_stack(
@@ -56,10 +56,12 @@ class StaticLoads:
 
     def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
         """Add the forces, and their parts in the order in which they are applied to the state at rest."""
-        steps = {kind: np.asarray(self._pressed(kind, coordinates)) for kind in self.scene.load_order}
+        order = self.scene.load_order or LOAD_KINDS
+        steps = {kind: np.asarray(self._pressed(kind, coordinates)) for kind in order}
         steps["water"] = steps["water"] + system.B[:: system.law.directions].T @ water_force(self.scene)
         steps = {kind: np.asarray(force) for kind, force in steps.items() if force.any()}
         force = system.force + sum(steps.values(), np.zeros(system.size))
+        steps = steps if self.scene.load_order else {}
         return replace(system, force=np.asarray(force), load_steps=steps), coordinates
 
     def _pressed(self, kind: str, coordinates: Coordinates) -> Floats:

@@ -147,7 +147,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         radiating=frozenset() if waves else rock,
         free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
-        load_order=config.loads.order,
+        load_order=() if isinstance(config.loads.order, str) else config.loads.order,
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source),
         stress=stress_sites(
             config.outputs.stress, Structure(blocks, joints, ties, fixed), f"{source}: outputs.stress"

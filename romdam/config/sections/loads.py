@@ -266,15 +266,14 @@ class LoadsConfig(Model):
     force: tuple[ForceConfig, ...] = ()
     force_history: tuple[ForceHistoryConfig, ...] = ()
     joint_water: tuple[JointWaterConfig, ...] = ()
-    order: tuple[Literal["weight", "forces", "water", "temperature"], ...] = (
-        "weight",
-        "forces",
-        "water",
-        "temperature",
-    )
+    order: Annotated[
+        Annotated[tuple[Literal["weight", "forces", "water", "temperature"], ...], Tag("list")]
+        | Annotated[Literal["together"], Tag("word")],
+        by_shape("an order such as [weight, forces, water, temperature], or together", "together"),
+    ] = ("weight", "forces", "water", "temperature")
     """Order in which these loads are applied to the state at rest, on which slip and cracks depend; each is
-    named once (forces: pressure and force; water: hydrostatic and joint_water). Stages of construction and
-    grouting come before them."""
+    named once (forces: pressure and force; water: hydrostatic and joint_water), or all come together. Stages
+    of construction and grouting come before them."""
     initial_state: Annotated[
         Annotated[Literal["static", "undeformed"], Tag("word")]
         | Annotated[InitialStateConfig, Tag("mapping")],
@@ -285,7 +284,9 @@ class LoadsConfig(Model):
 
     @field_validator("order")
     @classmethod
-    def _each_once(cls, order: tuple[str, ...]) -> tuple[str, ...]:
+    def _each_once(cls, order: tuple[str, ...] | str) -> tuple[str, ...] | str:
+        if isinstance(order, str):
+            return order
         kinds = ("weight", "forces", "water", "temperature")
         if sorted(order) != sorted(kinds):
             raise ValueError(f"name each of {', '.join(kinds)} once, got {quote(list(order))}")
