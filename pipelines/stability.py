@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.pipelines.run import Stage, run, silent
+from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.stability import (
     FORCES_HEAD,
     HEAD,
@@ -26,6 +27,7 @@ from romdam.postprocess.stability import (
     stability_row,
 )
 from romdam.results.fields import open_result
+from romdam.results.suite.design import varied_keys
 from romdam.results.table import write_csv
 
 _SECTION = "post_earthquake"
@@ -95,11 +97,11 @@ def assess_stability(
     without, forces = set[str](), list[Row]()
     for path in results:
         with open_result(path) as opened:
-            record = str(opened.dataset.attrs["record"])
-            dt = float(opened.dataset.attrs["record_dt"])
+            attrs = opened.dataset.attrs
+        record, dt = str(attrs["record"]), float(attrs["record_dt"])
         at_rest = GroundMotion.from_arrays(f"{record} after", {"x": [0.0] * _SAMPLES}, dt)
         state = {"result": str(Path(path).absolute()), "take": "joints"}
-        after = job_after(job, asked, {"loads.initial_state": state}, dt)
+        after = job_after(job, asked, {"loads.initial_state": state}, dt, _sample_of(job, attrs, path))
         try:
             outcome = run(after, None, show, motions=at_rest)
         except ConvergenceError as error:
@@ -137,17 +139,53 @@ def post_earthquake_of(job: Job) -> PostEarthquakeConfig:
     return job.config.post_earthquake
 
 
-def job_after(job: Job, asked: PostEarthquakeConfig, state: dict[str, object], step: float = 0.01) -> Job:
+def _sample_of(job: Job, attributes: Mapping[str, object], path: str | Path) -> dict[str, object]:
+    """Values of the sample that a suite's run is of, by their paths; nothing of any other run.
+
+    Raises
+    ------
+    ConfigError
+        for values of joints that a dam makes, which have no path of their own.
+    """
+    suite = job.config.suite
+    if suite is None or not any(str(name).startswith(PARAMETER) for name in attributes):
+        return {}
+    values = dict[str, object]()
+    for name, key in varied_keys(job, suite).items():
+        value = float(str(attributes[PARAMETER + name]))
+        for location in key.locations:
+            if location[0] == "joints" and str(location[1]) not in job.config.joints:
+                raise ConfigError(
+                    f"{path}: is of a sample with {key.path} = {value:g}, of a joint that the dam makes; "
+                    f"take {name} out of suite.parameters in a copy of the job, and put {value:g} where "
+                    "that joint is made"
+                )
+            values[".".join(map(str, location))] = "rigid" if value == float("inf") else value
+    return values
+
+
+def job_after(
+    job: Job,
+    asked: PostEarthquakeConfig,
+    state: dict[str, object],
+    step: float = 0.01,
+    sample: Mapping[str, object] | None = None,
+) -> Job:
     """The job at rest after the earthquake, with few modes: static answers are exact with any number.
+
+    Parameters
+    ----------
+    sample : values of a suite's sample, by their paths; those that the job's `changes` name are these
 
     Raises
     ------
     ConfigError
         for a change that leads nowhere, or that makes no valid job.
     """
-    left_out = ("comparison", "pipeline", "suite", _SECTION)
+    left_out = ("comparison", "linear_stage", "pipeline", "study", "suite", _SECTION)
     transient = {"finest_step": step, "tolerance": min(job.config.transient.tolerance, _TOLERANCE)}
     changes: dict[str, object] = _AT_REST | {"transient": transient}
     if job.config.model.order == "reduced":
         changes["model"] = {"modes": _MODES}
+    changes |= dict(sample or {})
     return changed_job(job, changes | asked.changes | state, (_SECTION, "changes"), left_out=left_out)

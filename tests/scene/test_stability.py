@@ -233,3 +233,24 @@ def test_pressure_at_the_toe_beyond_the_kern_is_that_of_a_triangle():
     assert _toe_pressure(1.0, 2.0 / 3.0) == pytest.approx(2.0, rel=1e-9)
     assert _toe_pressure(1.0, 0.5) == 1.0 and _toe_pressure(1.0, 0.2) == 0.0
     assert np.isnan(_toe_pressure(1.0, 1.1))
+
+
+def test_a_job_with_a_linear_stage_and_runs_of_a_suite_are_judged(tmp_path):
+    """The linear stage ties joints, and is left out; a sample has its own friction, here 0.5 of 0.3."""
+    np.savetxt(tmp_path / "r.txt", 0.01 * np.sin(np.linspace(0.0, 12.0, 40)))
+    record = RECORD | {"file": str(tmp_path / "r.txt"), "name": "r"}
+    raw = judged({**BOND, "friction": 0.3}, **PUSHED) | {"records": [record]}
+    raw["outputs"] = raw["outputs"] | {"mesh_error": False}
+    staged = raw | {"linear_stage": {}}
+    (tmp_path / "staged.yaml").write_text(yaml.safe_dump(staged))
+    (result,) = romdam.run(romdam.load_config(tmp_path / "staged.yaml"), tmp_path / "staged").paths
+    (joint,) = assess_stability(romdam.load_config(tmp_path / "staged.yaml"), [result]).joints
+    suite = {"keep": "full", "parameters": {"mu": {"path": "joints.foot.friction", "values": [0.3, 0.5]}}}
+    (tmp_path / "suite.yaml").write_text(yaml.safe_dump(raw | {"pipeline": "suite", "suite": suite}))
+    job = romdam.load_config(tmp_path / "suite.yaml")
+    romdam.run_suite(job, tmp_path / "suite")
+    kept = sorted((tmp_path / "suite" / "runs").glob("*.nc"))
+    factors = sorted(assess_stability(job, [path]).joints[0].factor for path in kept)
+    assert len(kept) == 2 and factors[0] == pytest.approx(joint.factor, rel=1e-5)
+    # the bond holds cohesion times area besides
+    assert factors[1] - factors[0] == pytest.approx((0.5 - 0.3) * WEIGHT / PUSH, rel=1e-5)
