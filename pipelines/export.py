@@ -6,13 +6,13 @@ import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from romdam.config.effects import refuse_unknown_effects
 from romdam.config.load import Job, naming_lines, with_lines
 from romdam.core.errors import ConfigError, listed, placed
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
-from romdam.export import matrices
-from romdam.export.build import build_deck
+from romdam.export import build, matrices
 from romdam.export.codes import CODES
 from romdam.export.deck import Motion
 from romdam.fem.gaps import gap_law
@@ -98,7 +98,8 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
                 scene = replace(scene, joints=joints)
         title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
         static = config.loads.begins == "static"
-        deck = build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
+        refuse_unknown_effects(config, build.KNOWN_EFFECTS, str(job.path), "written for other codes")
+        deck = build.build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))
     for name, text in files.items():
@@ -125,6 +126,7 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
         for bad input, and where the folder refuses a file.
     """
     clock, store = Clock(show), open_store(cache)
+    refuse_unknown_effects(job.config, matrices.KNOWN_EFFECTS, str(job.path), "written as matrices")
     total = job.config.transient.total_accuracy
     if job.config.model.modes == "auto" or total is not None or automatic_joints(job):
         job, _ = choose_mesh_and_modes(job, usable(records_of(job)), clock, store)

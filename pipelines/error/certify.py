@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from romdam.config.effects import acting_effects, refuse_unknown_effects
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
@@ -48,6 +49,14 @@ from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 
 log = logging.getLogger(__name__)
+
+# effects with which a run can begin anew at any row, so that the mesh is solved in windows of the record
+_IN_WINDOWS = {
+    "Westergaard's added mass", "incompressible water", "compressible water", "viscous boundary",
+    "free field", "staged weight", "staged construction", "temperature", "water in joints", "grouting",
+    "modal damping",
+}  # fmt: skip
+_THROUGHOUT = {"moving supports", "motion along", "force histories"}  # and those that take all of it
 
 
 @dataclass(frozen=True)
@@ -88,6 +97,8 @@ def certify(
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
     _refuse_without_added_jumps(job)
+    known = _IN_WINDOWS | _THROUGHOUT
+    refuse_unknown_effects(job.config, known, str(job.path), "known to a certificate")
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
     with clock.stage("model", "reducing the blocks"):
@@ -99,8 +110,8 @@ def certify(
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
-    sampled = passes is None and damped and scene.moving is None and float(run.time[-1]) > SHORTEST
-    sampled = sampled and model.prepared.integrator.resumes and not scene.force_histories
+    sampled = passes is None and damped and acting_effects(job.config) <= _IN_WINDOWS
+    sampled = sampled and model.prepared.integrator.resumes and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
     if sampled:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
+
+from romdam.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from romdam.config.sections.job import Config
@@ -83,6 +85,23 @@ EXCLUDED = {
 def acting_effects(config: Config) -> set[str]:
     """Names of the effects that a job asks for."""
     return {name for name, effect in EFFECTS.items() if effect.acts(config)}
+
+
+def refuse_unknown_effects(config: Config, known: Collection[str], source: str, what: str) -> None:
+    """Refuse effects that a computation has never heard of.
+
+    Parameters
+    ----------
+    known : names in `EFFECTS` that the computation has, or refuses with a reason of its own
+    what : of the computation, such as "written for other codes"
+
+    Raises
+    ------
+    ConfigError
+        with the key.
+    """
+    for name in sorted(acting_effects(config) - set(known)):
+        raise ConfigError(f"{source}: {EFFECTS[name].key}: {name} is not {what}; leave it out")
 
 
 def refuse_excluded(config: Config) -> None:

@@ -16,18 +16,60 @@ from romdam.config.sections.job import DampingConfig
 from romdam.contact.laws.catalogue import further_keys
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
+from romdam.core.known import refuse_unknown
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
 from romdam.effects.added_mass import added_mass
 from romdam.export.deck import Deck, Gaps, Motion, Solid
 from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
-from romdam.fem.loads import static_force
+from romdam.fem.loads import static_force, surface_forces, weight_acts
 from romdam.geometry.meshes.quality import sound_volume
 from romdam.scene.ties import scene_parts
 
 _GIVE = 0.01  # [m] of its blocks' material whose stiffness E / length a rigid gap has, where nothing is rigid
 _ROUNDING = 1e-12  # of a gap's weights, whose sum is 1
+
+# effects that are written, or that `_refuse` meets in the scene with a remedy
+KNOWN_EFFECTS = {
+    "moving supports", "motion along", "Westergaard's added mass", "incompressible water",
+    "compressible water", "viscous boundary", "free field", "staged weight", "staged construction",
+    "force histories", "temperature", "water in joints", "grouting", "modal damping",
+}  # fmt: skip
+_WRITTEN = "written for other codes"
+# fields that a deck has all of, or states that it leaves out (`_stated`)
+_OF_SCENE = {
+    "blocks", "joints", "fixed", "pressures", "forces", "gravity", "probes", "stress", "ties", "water",
+    "warmed", "excluded_from_gravity", "staged_weight", "reservoir", "remarks", "load_order",
+}  # fmt: skip
+_OF_BLOCK = {"name", "element", "points", "cells", "material", "faces", "unsound_faces"}
+_OF_MATERIAL = {"E", "nu", "rho", "expansion"}
+_OF_RESERVOIR = {"faces", "level", "depth", "density", "upstream", "length", "rock"}
+_OF_JOINT = {
+    "name", "blocks", "nodes", "position", "area", "share", "axes", "weights", "gap", "K_n", "K_nz", "K_s",
+    "mu", "viscosity", "grout", "water", "laws", "at_point", "face", "corner", "patches", "uplift",
+    "element_stiffness",
+}  # fmt: skip
+_OF_GAPS = {
+    "K_n", "K_nz", "K_s", "mu", "gap", "slip", "joints", "laws", "viscosity", "grout", "slipped", "memory",
+    "uplift",
+}  # fmt: skip
+_REMEDIES = {
+    "matrices": ("blocks.<name>.matrices", "mesh the block, or write the job with --to matrices"),
+    "absorbing": (
+        "ground.viscous or a viscous rock boundary",
+        "let the rock be massless (mass: false) and hold its outer faces",
+    ),
+    "free_field": ("ground.input: free_field", "leave it out"),
+    "force_histories": ("loads.force_history", "leave it out"),
+    "construction": ("construction", "leave it out"),
+    "initial": ("loads.initial_state.result", "let the run start from rest: static"),
+    "moving": ("supports[].motion, or ground.along", "let all supports move as the base does"),
+}
+_SOLVED = (
+    "water.model: compressible or incompressible",
+    "set water.model: westergaard, whose mass stands at single nodes",
+)
 
 
 def build_deck(
@@ -91,7 +133,7 @@ def build_deck(
         static=static,
         motion=motion,
         probes={probe.name: int(number[probe.block][probe.node]) for probe in scene.probes},
-        stated=tuple(_stated(scene, alpha)),
+        stated=tuple(_stated(scene, alpha, static)),
     )
 
 
@@ -100,33 +142,17 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
 
     Among it are gaps with friction whose shear counts from another position than that of the mesh.
     """
-    water = scene.reservoir
-    beyond = {
-        "blocks.<name>.matrices": (
-            any(block.matrices is not None for block in scene.blocks.values()),
-            "mesh the block, or write the job with --to matrices",
-        ),
-        "damping.modal": (damping.modal is not None, "give damping.rayleigh"),
-        "ground.viscous or a viscous rock boundary": (
-            any(block.absorbing for block in scene.blocks.values()),
-            "let the rock be massless (mass: false) and hold its outer faces",
-        ),
-        "ground.input: free_field": (scene.free_field is not None, "leave it out"),
-        "loads.force_history": (bool(scene.force_histories), "leave it out"),
-        "construction": (bool(scene.construction), "leave it out"),
-        "loads.initial_state.result": (scene.initial is not None, "let the run start from rest: static"),
-        "supports[].motion, or ground.along": (
-            scene.moving is not None,
-            "let all supports move as the base does",
-        ),
-        "water.model: compressible or incompressible": (
-            water is not None and (water.solved or water.sound is not None),
-            "set water.model: westergaard, whose mass stands at single nodes",
-        ),
-    }
-    for key, (there, remedy) in beyond.items():
-        if there:
-            raise ConfigError(f"{key} is not written for other codes; {remedy}")
+    for block in scene.blocks.values():
+        refuse_unknown(block, _OF_BLOCK, _WRITTEN, _REMEDIES)
+        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN)
+    for joint in scene.joints.values():
+        refuse_unknown(joint, _OF_JOINT, _WRITTEN)
+    if scene.reservoir is not None:
+        refuse_unknown(scene.reservoir, _OF_RESERVOIR, _WRITTEN, dict.fromkeys(("solved", "sound"), _SOLVED))
+    refuse_unknown(scene, _OF_SCENE, _WRITTEN, _REMEDIES)
+    refuse_unknown(law, _OF_GAPS, _WRITTEN)
+    if damping.modal is not None:
+        raise ConfigError(f"damping.modal is not {_WRITTEN}; give damping.rayleigh")
     sticks = (law.mu.min(axis=1, initial=np.inf) > 0.0) & (law.K_s > 0.0)
     for slip in (law.slip, law.slipped):
         if len(slip) and slip[sticks].any():
@@ -177,7 +203,7 @@ def _gaps(
     return gaps, np.concatenate(position), csr_matrix(vstack(means))
 
 
-def _stated(scene: Scene, alpha: float) -> Iterator[str]:
+def _stated(scene: Scene, alpha: float, static: bool) -> Iterator[str]:
     """State what no code has as romdam has it."""
     law = gap_law(scene)
     loose = [part.name for part in scene_parts(scene).values() if joints_alone_hold(part, scene)]
@@ -197,6 +223,18 @@ def _stated(scene: Scene, alpha: float) -> Iterator[str]:
         yield f"Left out of the joints: {', '.join(keys)}."
     if (law.mu[:, 0] != law.mu[:, 1]).any():
         yield "Friction is the smaller of that along j and k."
+    kinds = {kind for name in scene.blocks for kind in surface_forces(scene, name)}
+    kinds |= (
+        {"weight"}
+        if scene.gravity.any() and any(weight_acts(scene, name) for name in scene.blocks)
+        else set()
+    )
+    if static and law.mu.any() and len(kinds) > 1:
+        yield (
+            "Static loads come at once; romdam applies "
+            f"{', then '.join(kind for kind in scene.load_order if kind in kinds)} (loads.order), which with "
+            "friction may leave other shear at rest."
+        )
     if any(joint.at_point is not None for joint in scene.joints.values()):
         yield "Openings are means around the gaps, conjugate to forces; romdam writes them at points."
     if scene.reservoir is not None:

@@ -19,9 +19,12 @@ from scipy.io import mmwrite
 from scipy.sparse import csr_matrix, issparse
 
 from romdam.config.sections.job import DampingConfig
+from romdam.contact.laws.catalogue import further_keys
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.files import replacing
+from romdam.core.known import refuse_unknown
+from romdam.core.motion import Motion
 from romdam.core.scene import Block, Scene
 from romdam.core.sealed import creating
 from romdam.core.system import System
@@ -45,6 +48,35 @@ log = logging.getLogger(__name__)
 
 _RANK = 1e-9  # of the least singular value of V_b, relative to the largest, from which on u_b are independent
 _RIGID = 1e-12  # of omega^2 held at u_b, relative to the largest, up to which a motion is rigid
+
+# effects that are written, or that `_refuse` meets in the system with a remedy
+KNOWN_EFFECTS = {
+    "moving supports", "motion along", "Westergaard's added mass", "incompressible water",
+    "compressible water", "viscous boundary", "free field", "staged weight", "staged construction",
+    "force histories", "temperature", "water in joints", "grouting", "modal damping",
+}  # fmt: skip
+_WRITTEN = "written as matrices"
+_OF_BLOCK = {
+    "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",
+}  # fmt: skip
+_OF_MATERIAL = {"E", "nu", "rho", "expansion"}
+_OF_SYSTEM = {
+    "M", "C", "K", "B", "load", "force", "load_steps", "observe", "at_point", "point_shift", "law", "parts",
+    "diagonal", "floating", "reduced", "motions", "drag", "uplift", "extent",
+}  # fmt: skip
+_OF_GAPS = {
+    "K_n", "K_nz", "K_s", "mu", "gap", "slip", "joints", "laws", "viscosity", "grout", "slipped", "memory",
+    "uplift",
+}  # fmt: skip
+_BASE_ALONE = "leave it out: in what is written the base's acceleration alone drives the system"
+_REMEDIES = {
+    "drives": ("ground.input: free_field, or water.model: compressible,", _BASE_ALONE),
+    "gyroscopic": ("water.model: compressible", _BASE_ALONE),
+    "pseudo_static": ("supports[].motion, or ground.along,", _BASE_ALONE),
+    "signals": ("loads.force_history", _BASE_ALONE),
+    "initial": ("loads.initial_state.result: what joints remember of another run", "set static"),
+    "construction": ("construction: what joints count from once they are grouted", "leave it out"),
+}
 
 
 @dataclass(frozen=True)
@@ -95,22 +127,11 @@ def write(
         run, which no matrix says.
     WriteError
     """
-    if system.drives or system.pseudo_static is not None or system.signals:
-        raise ConfigError(
-            "export: waves in rock or water, supports of their own motion, or forces that vary in time drive "
-            "this system besides the acceleration of its base, limit 0 such drives; leave out ground.input, "
-            "water.model: compressible, supports[].motion and loads.force_history"
-        )
-    if system.initial is not None:
-        raise ConfigError(
-            "export: loads.initial_state.result: matrices do not say what joints remember of another run; "
-            "set static"
-        )
-    if scene.construction:
-        raise ConfigError(
-            "export: construction: matrices do not say what joints count from once they are grouted; leave "
-            "it out"
-        )
+    _refuse(scene, system)
+    left_out = further_keys(system.law) + ["grouting_pressure"] * bool(system.law.grout.any())
+    left_out += ["water that follows cracks"] * bool(system.law.uplift)
+    if left_out:
+        log.warning("left out of the joints: %s", ", ".join(left_out))
     operators = gap_operators(scene, system.law.directions)
     written = [_write_system(system, folder / "system.h5")]
     for name, block in scene.blocks.items():
@@ -123,6 +144,18 @@ def write(
         else:
             written += _write_block(export, name, folder)
     return written
+
+
+def _refuse(scene: Scene, system: System) -> None:
+    """Refuse what the written matrices do not say."""
+    for block in scene.blocks.values():
+        refuse_unknown(block, _OF_BLOCK, _WRITTEN)
+        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN)
+    refuse_unknown(system, _OF_SYSTEM, _WRITTEN, _REMEDIES)
+    refuse_unknown(system.law, _OF_GAPS, _WRITTEN)
+    others = [motion for motion in system.motions if motion is not Motion.BASE]
+    if others:
+        raise ConfigError(f"a load that follows the {others[0]} is not {_WRITTEN}; {_BASE_ALONE}")
 
 
 def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingConfig) -> BlockExport:

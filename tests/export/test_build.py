@@ -93,6 +93,18 @@ def test_rigid_gaps_and_laws_are_stated():
     assert "cohesion, tensile_strength" in built(boxes(joints={"gap": bonded}))[1].stated[0]
 
 
+def test_the_order_of_static_loads_is_stated_where_friction_makes_it_count():
+    loads = {"gravity": [0, 0, -9.7], "pressure": [{"block": "left", "face": "ymin", "value": "1 kPa"}]}
+    rough = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "shear_stiffness": "8 GPa/m"}
+    rough |= {"friction": 0.5}
+    job = boxes(loads=loads, joints={"gap": rough})
+    (said,) = built(job, static=True)[1].stated
+    assert "romdam applies weight, then forces (loads.order)" in said
+    assert not built(job)[1].stated
+    assert not built(boxes(loads=loads), static=True)[1].stated
+    assert not built(boxes(loads={"gravity": [0, 0, -9.7]}, joints={"gap": rough}), static=True)[1].stated
+
+
 @pytest.mark.parametrize(
     ("sections", "message"),
     [

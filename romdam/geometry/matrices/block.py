@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError, MeshError
+from romdam.core.known import refuse_unknown
 from romdam.core.scene import Block, Scene
 from romdam.core.system import BlockMatrices
 from romdam.geometry.matrices.checks import Checked, check_matrices
@@ -23,6 +24,15 @@ from romdam.geometry.nearest import tree
 log = logging.getLogger(__name__)
 
 _NOTHING = 1e-12  # weights and cosines below it are rounding
+# fields whose action on a block of matrices is known: by its matrices, or by the nodes of `_acted_on`
+_OF_SCENE = {
+    "blocks", "joints", "fixed", "pressures", "forces", "gravity", "probes", "stress", "ties", "water",
+    "warmed", "excluded_from_gravity", "radiating", "free_field", "staged_weight", "reservoir", "moving",
+    "force_histories", "initial", "construction", "remarks", "load_order",
+}  # fmt: skip
+_OF_BLOCK = {
+    "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",
+}  # fmt: skip
 
 
 def with_matrices(
@@ -147,12 +157,23 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
     Raises
     ------
     ConfigError
+        for these, and for what of a scene or a block is not known here.
     """
     for name, block in scene.blocks.items():
         if block.matrices is None:
             continue
-        if name in scene.warmed or (scene.stress is not None and name in scene.stress.blocks):
-            key = "loads.temperature: the change" if name in scene.warmed else "outputs.stress: the stress"
+        what = f"known of block {name!r}, which has matrices of its own"
+        refuse_unknown(scene, _OF_SCENE, what)
+        refuse_unknown(block, _OF_BLOCK, what)
+        if scene.free_field is not None and name in scene.free_field.blocks:
+            raise ConfigError(
+                f"{source}: ground.input: the waves of free_field in rock {name!r} are not {what}; mesh the "
+                "block, or give ground.input: uniform"
+            )
+        stages = [stage.warmed.get(name, 0.0) for stage in scene.construction]
+        warmed = name in scene.warmed or any(np.any(change) for change in stages)
+        if warmed or (scene.stress is not None and name in scene.stress.blocks):
+            key = "loads.temperature: the change" if warmed else "outputs.stress: the stress"
             raise ConfigError(
                 f"{source}: {key} of block {name!r} is not known, which has matrices of its own and no "
                 "elements, limit 0 such blocks; name the other blocks, displacements are written for all"
@@ -180,6 +201,7 @@ def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
         for one in scene.force_histories
         if one.block == name
     ]
+    pairs += [("ground.viscous", face.facets.ravel()) for face in scene.blocks[name].absorbing]
     if scene.reservoir is not None:
         wet = (*scene.reservoir.faces, *scene.reservoir.rock)
         pairs += [("water", face.facets.ravel()) for face in wet if face.block == name]
