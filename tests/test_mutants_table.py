@@ -7,8 +7,8 @@ from faults import COMPILED, FAULTS, Fault, misplaced
 ROOT = Path(__file__).parents[1]
 EVERY = [fault for faults in FAULTS.values() for fault in faults]
 ROOMS = {
-    "config", "contact", "effects", "error", "export", "fem", "geometry", "linalg", "pipelines",
-    "postprocess", "records", "reduction", "results", "scene", "timestepping",
+    "config", "contact", "core", "effects", "error", "export", "fem", "geometry", "linalg", "pipelines",
+    "postprocess", "records", "reduction", "results", "scene", "timestepping", "visual",
 }  # fmt: skip
 
 

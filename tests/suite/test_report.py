@@ -139,6 +139,20 @@ def test_numbers_on_the_page_are_those_of_the_summary():
     assert "10 of 60 runs failed" in text and "50 runs, 10 failed ones left out" in text
 
 
+def test_the_stated_error_is_the_sum_of_its_unlike_parts():
+    """Median and largest of the sums of each run; not of the largest parts, nor sums of medians."""
+    summary = suite_summary(records=3, scales=1, failed=0)
+    runs = summary.estimated_time_error.dims
+    parts = {"mesh": [0.02, 0.05, 0.01], "reduction": [0.03, 0.001, 0.07], "time": [0.004, 0.002, 0.006]}
+    for name, values in parts.items():
+        summary[f"estimated_{name}_error"] = (runs, np.reshape(values, (3, 1, 1)), {"units": "1"})
+    text = suite_page(Subject(summary, Topic()))
+    speed = {row[0]: row[1:] for row in rows_of(text, "speed") if row}
+    assert speed["stated error of the openings, L2, at most"] == ["%", "5.4", "8.6", "–", "3"]
+    assert speed["estimated error of the mesh, openings in L2"][:3] == ["%", "2", "5"]
+    assert speed["estimated error of leaving out modes, openings in L2"][:3] == ["%", "3", "7"]
+
+
 def test_compressions_and_energies_say_what_they_are():
     """The mean before the instant in both tables; stored energies are those at the end, round-off is 0."""
     summary = suite_summary(failed=0)
