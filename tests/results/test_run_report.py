@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from typer.testing import CliRunner
 
@@ -16,7 +17,7 @@ from romdam.core.display_units import SI, US
 from romdam.error.statement import opening_errors, sentences
 from romdam.pipelines.report import report_run
 from romdam.visual.report.document import A4, LETTER, _column_widths, set_sheets
-from romdam.visual.report.one_run import RunSubject, run_report
+from romdam.visual.report.one_run import RunSubject, _facts, run_report
 from romdam.visual.report.parts import Cell, Fact, Report, Section, Table, Text
 
 NIST = {  # SP 811, appendix B.8: what one unit is in SI, to its seven digits
@@ -119,6 +120,75 @@ def test_the_page_and_the_document_are_written_beside_the_result(result):
     assert f"{opening:.3g} in" in page and "romdam report quake.nc --units us --pdf" in page
     assert {address[:5] for address in re.findall(r'src="([^"]+)', page)} == {"data:"}
     assert paths[1].read_bytes().startswith(b"%PDF")
+
+
+def unlike(dataset):
+    """The dataset with no two values alike of gaps, joints, bodies, stages and faces."""
+    stage_opening = np.array([[1e-3, 5e-3, np.nan, np.nan, np.nan], [2e-3, -1e-3, 4e-3, 7e-3, 3e-3]])
+    grouted = np.array([[True, False, False, False, False], [False, True, True, True, True]])
+    at_rest = 1e6 * np.arange(1.0, 13.0).reshape(2, 6)
+    return dataset.assign(
+        construction_opening=dataset.construction_opening.copy(data=stage_opening),
+        construction_grouted=dataset.construction_grouted.copy(data=grouted),
+        water_force=dataset.water_force.copy(data=1e6 * np.array([[1.0, -2.0, 3.0], [4.0, 5.0, -6.0]])),
+        **{
+            f"{kind}_at_rest": dataset[f"{kind}_at_rest"].copy(data=factor * at_rest)
+            for kind, factor in (("loads", 1.0), ("joints", -0.25), ("supports", -0.75))
+        },
+        imbalance_at_rest=dataset.imbalance_at_rest.copy(data=[3e-11, 4e-12]),
+    ).assign_coords(gap_area=dataset.gap_area.copy(data=[0.5, 0.7, 0.2, 0.4, 1.1]))
+
+
+def test_every_table_has_the_figures_of_its_own_rows(result, job):
+    """Values that differ from gap to gap, joint to joint, stage to stage and body to body, by hand."""
+    report = run_report(subject_of(unlike(result.dataset), job))
+    assert {name: row[:3] for name, row in cells(report, "Joints").items()} == {
+        "J1": ["left – right", "2", "1.2"],
+        "J2": ["left – right", "3", "1.7"],
+    }
+    assert cells(report, "Largest opening by stage") == {
+        "J1": ["5, then grouted in part", "2, then grouted in part"],
+        "J2": ["–", "7, then grouted"],
+    }
+    assert cells(report, "Resultant of the water") == {"J1": ["1", "−2", "3"], "J2": ["4", "5", "−6"]}
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    balance = next(table for table in tables if table.caption.startswith("Forces at rest"))
+    assert [[cell.text for cell in row] for row in balance.cells] == [
+        ["whole dam", "loads", "1", "2", "3", "4", "5", "6", "3.0e-11"],
+        ["whole dam", "joints", "−0.25", "−0.5", "−0.75", "−1", "−1.25", "−1.5", ""],
+        ["whole dam", "supports", "−0.75", "−1.5", "−2.25", "−3", "−3.75", "−4.5", ""],
+        ["left", "loads", "7", "8", "9", "10", "11", "12", "4.0e-12"],
+        ["left", "joints", "−1.75", "−2", "−2.25", "−2.5", "−2.75", "−3", ""],
+        ["left", "supports", "−5.25", "−6", "−6.75", "−7.5", "−8.25", "−9", ""],
+    ]
+
+
+def test_facts_are_the_worst_of_all_joints_and_faces(result, job):
+    """Of joints that slide by unlike lengths and factors, and of two faces; all from the histories."""
+    dataset = result.dataset
+    rows = cells(run_report(subject_of(dataset, job)), "Sliding")
+    for number, name in enumerate(rows):
+        of_joint = dataset.sel(joint=name)
+        moved = dataset.joint_displacement.values[:, number]
+        normal = dataset.gap_normal.values[dataset.gap_joint.values == name][0]
+        along = moved - np.outer(moved @ normal, normal)
+        rest = along[dataset.time.values >= dataset.time.values[-1] - 1.0].mean(axis=0)
+        largest = float(of_joint.peak_slip)
+        shown = [float(value) for value in (rows[name][2], *rows[name][5:])]
+        assert shown[0] == pytest.approx(float(of_joint.sliding_safety_factor.min()), rel=6e-3)
+        assert shown[1] == pytest.approx(1e3 * np.linalg.norm(rest), rel=6e-3)
+        assert 0.0 < shown[2] <= 1e3 * largest and shown[3] > shown[2]
+    second = dataset.face_principal_stress * 0.5
+    faces = xr.concat([second, dataset.face_principal_stress], "stress_face")
+    two = dataset.drop_dims("stress_face").assign(face_principal_stress=faces)
+    facts = {fact.name: fact.value for fact in _facts(subject_of(two, job))}
+    worst = float(dataset.face_principal_stress.sel(area_percentile=98.0).max())
+    assert float(facts["98 % stress of the worst face"].split()[0]) == pytest.approx(worst / 1e6, rel=6e-3)
+    numbers = np.array([[float(row[2]), float(row[5])] for row in rows.values()])
+    assert facts["largest residual slip"] == f"{1e3 * numbers[:, 1].max():.0f} µm"
+    assert float(facts["least factor of safety against sliding"]) == numbers[:, 0].min()
+    assert facts["largest opening"] == f"{1e3 * float(dataset.peak_opening.max()):.3g} mm"
+    assert len(rows) == 2 and not np.isclose(*numbers.T, rtol=1e-2).any()
 
 
 def test_a_sample_of_a_suite_has_its_parameters(result, job):
