@@ -106,6 +106,33 @@ def test_shear_in_tension_has_the_bonds_limit(monkeypatch):
     assert stored == pytest.approx(0.5 * 0.01 * (9.0 + 6.25))
 
 
+@pytest.mark.parametrize(("shear", "found"), [(2.5, SLIP), (2.4, STICK)])
+def test_friction_acts_on_the_lesser_of_the_force_and_its_spring(shear, found):
+    """The spring at the end has (0.05 + 0.04 5 - 0.1 / 3) / 0.03 = 7.22 N, the step 5 N: half of these."""
+    problem = SimpleNamespace(
+        gap=np.zeros(1),
+        tension=np.zeros(1),
+        theta_ratio=np.array([1 / 3, 0, 0]),
+        compliance=np.array([0.04, 0.01, 0.01]),
+    )
+    memory = SimpleNamespace(
+        force=np.array([5.0, shear, 0.0]),
+        spring=np.array([-0.1, 0.0, 0.0]),
+        accumulated_slip=np.zeros((1, 2)),
+        limits=Limits(np.zeros((1, 2)), np.array([[0.5, 0.25]]), np.zeros(1)),
+    )
+    gaps = SimpleNamespace(
+        jump=np.zeros((1, 3)),
+        traction=np.zeros((1, 3)),
+        state=np.zeros(1, int),
+        dissipated_energy=np.zeros(1),
+    )
+    step._move.py_func(problem, memory, np.array([-0.05, 0.0, 0.0]), gaps)
+    closed = 0.05 + 0.2 - 0.1 / 3.0
+    assert gaps.jump[0, 0] == pytest.approx(-closed) and memory.spring[0] == pytest.approx(-closed)
+    assert gaps.traction[0, 0] == pytest.approx(closed / 0.03) and gaps.state[0] == found
+
+
 def test_what_laws_take_in_a_step(monkeypatch):
     """A bond breaks at gap 0, water of 5 N widens gap 1 from 0.1 to 0.4 m; the laws' energies count."""
     jump, force = np.array([[0.0], [0.1]]), np.array([[-6.0], [0.0]])
@@ -199,7 +226,7 @@ FRACTURE = np.array([0.01, 6.0, 0.2, 3.0, 0.4, LINEAR])
 
 
 def test_a_crack_unloads_and_reloads_along_its_secant():
-    """Widest 0.1 m at a damage of 0.5, so 3 N there: at a crack of 0.04 it holds 1.2 N, at rest and in a step."""
+    """Widest 0.1 m at a damage of 0.5, so 3 N there: at a crack of 0.04 m it holds 1.2 N."""
     memory = (0.5, 0.1, 0.1, 0.0, 0.0)
     for dt in (0.0, 0.01):
         found = limit_of(Fracture, FRACTURE, memory, opening=0.052, p=-1.2, dt=dt)
@@ -233,7 +260,7 @@ def test_a_crack_that_widens_within_a_step():
 
 
 def test_energies_of_a_crack():
-    """Widened from 0.1 to 0.14: what the old secant had, and the curve since, less what the new one stores."""
+    """From 0.1 to 0.14: what the old secant had, and the curve since, less what the new one stores."""
     memory = np.array([0.5, 0.1, 0.1, 0.15, 0.2])
     Fracture.commit(FRACTURE, memory, state(opening=0.164, p=-2.4, dt=0.01))
     stored = 0.5 * 6.0 * 0.3 * 0.14

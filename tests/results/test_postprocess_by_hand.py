@@ -7,6 +7,7 @@ import xarray as xr
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Section
 from romdam.postprocess.dependence import correlation
+from romdam.postprocess.floor_spectra import _spline_slopes
 from romdam.postprocess.fragility import product_limit
 from romdam.postprocess.lognormal import Observations
 from romdam.postprocess.maxima import maxima
@@ -14,6 +15,7 @@ from romdam.postprocess.record_curves import record_curves
 from romdam.postprocess.record_measures import measures_at_scales
 from romdam.postprocess.responses import Curve
 from romdam.postprocess.sliding import row_seconds, sliding
+from romdam.postprocess.stability import joint_stability
 from romdam.postprocess.stress.sections import gap_section_forces, linearised_stress
 from romdam.postprocess.stress.summary import stress_along
 
@@ -175,3 +177,85 @@ def test_forces_in_gaps_have_a_share_in_those_on_a_section():
     operator[0], operator[4] = [1.0, 10.0], [0.5, 0.0]
     contact, water = np.array([[[2.0, 1.0]]]), [np.array([[3.0]]), np.zeros(0)]
     np.testing.assert_allclose(gap_section_forces(operator, contact, water), [[[15, 0, 0, 0, 2.5, 0]]])
+
+
+def test_slopes_of_a_spline_are_those_of_its_cubic():
+    """A cubic is its own spline, whatever its slopes at the ends."""
+    t = 0.25 * np.arange(7)
+    values = np.stack([2.0 * t**3 - t**2 + 5.0, -(t**3) + 4.0 * t], axis=1)
+    slopes = np.stack([6.0 * t**2 - 2.0 * t, -3.0 * t**2 + 4.0], axis=1)
+    assert _spline_slopes(values, slopes[[0, -1]], 0.25) == pytest.approx(slopes, rel=1e-12, abs=1e-12)
+    assert np.abs(slopes[0] - slopes[-1]).min() > 1.0
+
+
+def two_joints_on_rock():
+    """A dam of two blocks on rock: block J of joint `foot`, block I of `side`; a joint between them.
+
+    Gaps of the foot at x = 0, 1 and 4 m with unlike areas, normals that lean by unlike angles and forces.
+    """
+    lean = np.array([[0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    tangent = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (5, 1, 1))
+    of_gap = ["foot", "foot", "foot", "side", "between"]
+    names = ["foot", "side", "between"]
+    over_gap, over_joint = ("time", "gap"), ("time", "joint")
+    shear = np.array([[-3e6, 0], [-1e6, 0], [-2e6, 0], [1e6, 4e6], [0, 7e6]])
+    slip = np.array([[2e-3, 0], [0, 0], [4e-3, 0], [0, 5e-3], [0, 0]])
+    data = {
+        "normal_force": (over_gap, [[0.0, -6e6, -2e6, -5e6, -1e6]]),
+        "shear_force": (("time", "gap", "tangent"), shear[None]),
+        "joint_state": (over_gap, [[0, 1, 1, 1, 1]]),
+        "slip": (("time", "gap", "tangent"), slip[None]),
+        "crack_water_force": (over_gap, [[5e5, 0.0, 0.0, 0.0, 0.0]]),
+        "sliding_safety_factor": (over_joint, [[1.5, 2.5, np.nan]]),
+        "joint_shear_strength": (("time", "joint", "tangent"), [[[9e6, 12e6], [8e6, 7e6], [1e6, 1e6]]]),
+        "bonded_area": (over_joint, [[1.0, 3.0, 0.0]]),
+        "water_force": (("joint", "component"), [[0.0, 0.0, 1e6], [0.0, 0.0, 2e6], [0.0, 0.0, 0.0]]),
+    }
+    coords = {
+        "time": [0.0],
+        "joint": names,
+        "gap_joint": ("gap", of_gap),
+        "gap_area": ("gap", [8.0, 1.0, 3.0, 4.0, 9.0]),
+        "gap_position": (
+            ("gap", "component"),
+            np.array([[0, 0, 0], [1, 0, 0], [4, 0, 0], [0, 9, 5], [2, 2, 2]]),
+        ),
+        "gap_normal": (("gap", "component"), lean),
+        "gap_tangent": (("gap", "tangent", "component"), tangent),
+        "joint_blocks": (("joint", "side"), [["rock", "a"], ["b", "rock"], ["a", "b"]]),
+    }
+    return xr.Dataset(data, coords, {"rock_blocks": '["rock"]'})
+
+
+def test_stability_of_joints_and_of_what_slides_as_one():
+    """The foot's shear of (-6, 0) MN holds block a back, which would slide along +x: heel at 0, toe at 4 m.
+
+    Both joints together: on the dam (-6, 0) - (1, 4) = (-7, -4) MN, strengths 9 and 7 MN; means by area.
+    """
+    judged = {joint.joint: joint for joint in joint_stability(two_joints_on_rock(), "r", 1.6, None)}
+    assert [*judged] == ["foot", "side", "between", "foot + side"]
+    foot, side, both = judged["foot"], judged["side"], judged["foot + side"]
+    assert (foot.shear, foot.compression) == (6e6, 8e6) and foot.verdict == "not stable"
+    assert foot.resultant == pytest.approx((6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
+    assert foot.toe_pressure == pytest.approx(2e6 / 3.0)
+    assert foot.open_share == pytest.approx(8.0 / 12.0) and foot.cracked_length == pytest.approx(
+        4.0 * 8.0 / 12.0
+    )
+    assert foot.water == pytest.approx(1e6 * np.linalg.norm([0.5 * 0.6, 0.0, 1.0 + 0.5 * 0.8]))
+    assert foot.slip == pytest.approx((8.0 * 2e-3 + 3.0 * 4e-3) / 12.0) and foot.bonded_share == 1.0 / 12.0
+    assert side.slip == 5e-3 and side.bonded_share == 0.75 and side.verdict == "stable"
+    assert both.shear == pytest.approx(1e6 * np.hypot(7.0, 4.0))
+    assert both.factor == pytest.approx(16.0 / np.hypot(7.0, 4.0))
+    assert both.compression == 13e6 and both.water == pytest.approx(foot.water + 2e6)
+    assert both.open_share == pytest.approx(8.0 / 16.0) and both.bonded_share == pytest.approx(4.0 / 16.0)
+    assert both.slip == pytest.approx((12.0 * foot.slip + 4.0 * 5e-3) / 16.0)
+
+
+def test_normals_count_by_their_areas():
+    """Of 8 m2 that lean down by 0.8 and 4 m2 that look up: block I stands on block J, and slides along -x."""
+    dataset = two_joints_on_rock()
+    normal = dataset.gap_normal.values.copy()
+    normal[0] = 0.6, 0.0, -0.8
+    dataset = dataset.assign_coords(gap_normal=(("gap", "component"), normal))
+    foot = joint_stability(dataset, "r", 1.0, ["foot"])[0]
+    assert foot.resultant == pytest.approx(1.0 - (6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
