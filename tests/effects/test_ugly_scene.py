@@ -23,6 +23,7 @@ from romdam.reduction.synthesis import reduce_scene
 from romdam.results.joint_traction import joint_sites, joint_traction
 from romdam.results.stress.file import StressFields
 from romdam.scene.build import build_scene
+from romdam.scene.ground.motion_along import _along_line
 from romdam.timestepping.construction import constructed
 from romdam.timestepping.equilibrium import GapState, static_equilibrium
 from romdam.timestepping.grouting import grouted
@@ -267,6 +268,16 @@ def test_supports_move_by_the_factors_and_delays_of_stations_around_them():
                 assert np.abs(disp[:, at, axis] - relative).max() < 2e-5 * np.abs(ground(time)).max()
 
 
+def test_a_wave_starts_where_the_job_says():
+    """Supports are at x = 0 to 9 m; from -12 m on at 400 m/s each moves later by its distance from there."""
+    wave = {"axis": "x", "velocity": 400.0, "cutoff": 30.0, "start": -12.0}
+    scene = built(ground={"along": wave})[1]
+    assert scene.moving is not None and len(scene.moving.motions) > 1
+    for motion in scene.moving.motions:
+        assert motion.delay == pytest.approx((motion.station + 12.0) / 400.0, rel=1e-12)
+    assert min(motion.station for motion in scene.moving.motions) == 0.0
+
+
 def test_westergaards_pressure_grows_downwards():
     """7/8 rho sqrt(H y) a over each face: force and moment about its foot, to what few elements leave."""
     scene = built(water={"model": "westergaard", "level": 6.0, "faces": WET, "density": 1030.0})[1]
@@ -368,3 +379,14 @@ def test_traction_across_a_tied_joint_is_the_mean_of_its_sides():
             assert found.rows[gaps, :, number[side]] == pytest.approx(3.0 * of_side)
         both = 0.5 * sum(stress[side][[0, 3, 5]] for side in joint.blocks)
         assert found.offset[gaps] == pytest.approx(joint.axes @ both)
+
+
+def test_places_along_a_line_that_turns_back():
+    """From (0, 0) over (10, 0) and (10, 10) to (6, 10) m: its ends go on, but win nothing by that.
+
+    (1, 5.2) is 5.2 m from the first piece, and 4.8 m from what the last one would be further on.
+    """
+    line = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [6, 10, 0]])
+    at = np.array([0.0, 10.0, 20.0, 24.0])
+    points = np.array([[1, 5.2, 0], [-3, 0.5, 0], [4, 11, 0], [11, 4, 2], [12, -1, 0]])
+    assert _along_line(line, at, points) == pytest.approx([1.0, -3.0, 26.0, 14.0, 10.0])
