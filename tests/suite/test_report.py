@@ -130,6 +130,9 @@ def test_numbers_on_the_page_are_those_of_the_summary():
     opening = next(row for row in rows_of(text, "responses") if row and row[0] == "peak opening")
     assert opening[1:3] == ["J1", "mm"] and opening[-1] == "50"
     assert opening[4] == number(round(float(np.median(peaks)), 2))
+    at = np.linspace(0.0, 1.0, len(peaks))  # between sorted values a quantile is straight
+    low, high = (float(np.interp(share, at, peaks)) for share in (0.16, 0.84))
+    assert [float(opening[k]) for k in (3, 5, 6)] == pytest.approx([low, high, peaks[-1]], rel=6e-3)
     speed = {row[0]: row[1:] for row in rows_of(text, "speed") if row}
     assert speed["CPU time of a run"] == ["s", "0.25", "0.25", "12.5", "50"]
     assert speed["estimated error of the time stepping"][:3] == ["%", "0.8", "0.8"]
