@@ -21,6 +21,7 @@ from romdam.core.display_units import unit_text
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.motion import GroundMotion
 from romdam.pipelines.report import ReportOptions, report
+from romdam.postprocess.fragility import fragility
 from romdam.records.spectra import pseudo_acceleration
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
@@ -137,7 +138,11 @@ def test_numbers_on_the_page_are_those_of_the_summary():
     assert speed["CPU time of a run"] == ["s", "0.25", "0.25", "12.5", "50"]
     assert speed["estimated error of the time stepping"][:3] == ["%", "0.8", "0.8"]
     assert speed["imbalance of the energy over the input"][:2] == ["%", "1.00·10⁻⁷"]
-    assert rows_of(text, "fragility")[1][0] == "20"
+    fit = fragility(summary, "peak_opening", 0.02, "sa")
+    row = rows_of(text, "fragility")[1]
+    assert row[0] == "20" and row[1] == number(float(fit.theta)) and row[3] == number(float(fit.beta))
+    assert row[2].split(" to ") == [number(float(value)) for value in fit.theta_bounds.values]
+    assert row[1] != row[3]
     assert rows_of(text, "failures")[1] == ["r010, r011", "10", "contact did not converge"]
     assert "10 of 60 runs failed" in text and "50 runs, 10 failed ones left out" in text
 
@@ -146,14 +151,17 @@ def test_the_stated_error_is_the_sum_of_its_unlike_parts():
     """Median and largest of the sums of each run; not of the largest parts, nor sums of medians."""
     summary = suite_summary(records=3, scales=1, failed=0)
     runs = summary.estimated_time_error.dims
-    parts = {"mesh": [0.02, 0.05, 0.01], "reduction": [0.03, 0.001, 0.07], "time": [0.004, 0.002, 0.006]}
+    parts = {"mesh": [0.02, 0.05, 0.01], "reduction": [0.03, 0.001, 0.07], "time": [0.004, 0.002, 0.016]}
     for name, values in parts.items():
         summary[f"estimated_{name}_error"] = (runs, np.reshape(values, (3, 1, 1)), {"units": "1"})
-    text = suite_page(Subject(summary, Topic()))
+    areas = 0.5 + np.arange(10.0)
+    text = suite_page(Subject(summary.assign_coords(gap_area=("gap", areas)), Topic()))
+    assert ["J1", "10", "50"] in rows_of(text, "what")  # 10 gaps of 0.5, 1.5, ... 9.5 m2
     speed = {row[0]: row[1:] for row in rows_of(text, "speed") if row}
-    assert speed["stated error of the openings, L2, at most"] == ["%", "5.4", "8.6", "–", "3"]
+    assert speed["stated error of the openings, L2, at most"] == ["%", "5.4", "9.6", "–", "3"]
     assert speed["estimated error of the mesh, openings in L2"][:3] == ["%", "2", "5"]
     assert speed["estimated error of leaving out modes, openings in L2"][:3] == ["%", "3", "7"]
+    assert "The time-stepping error asked for was 1 %; 1 of 3 runs estimate more." in text
 
 
 def test_compressions_and_energies_say_what_they_are():
