@@ -209,6 +209,23 @@ def test_slip_and_opening_count_from_the_pouring(last):
     assert stages is not None and stages.names[-4:] == tuple(stage["name"] for stage in JUMP)
 
 
+def test_grout_bonds_what_was_open_before():
+    """An initial gap has no bond; filled with grout it holds the left, which cools by 10 K."""
+    bond = {"tensile_strength": "50 MPa", "cohesion": "45 MPa"}
+    joints = {name: keys | bond | {"gap": GAP[name]} for name, keys in STRESSLESS.items()}
+    stages = [{"name": "grout", "grout": [{"joints": ["lm"]}]}]
+    cold = [{"change": -10.0, "blocks": ["left"]}]
+    scene, both = systems(construction=stages, joints=joints, loads={"temperature": cold})
+    for system in both:
+        built_up = constructed(system, 1e-13)
+        of = built_up.law.joints
+        _, gaps, _ = at_rest(built_up)
+        opening, spring = gaps.jump[of["lm"], 0], 2e9 * scene.joints["lm"].area
+        assert gaps.force[of["lm"], 0] == pytest.approx(-spring * opening, rel=1e-6)  # in tension too
+        assert 1e-5 < opening.max() < 30.0 * EXPANSION["left"]  # what it would be without the bond
+        assert not gaps.force[of["mr"]].any()
+
+
 def test_a_gap_on_the_level_of_two_zones_belongs_to_the_upper_one():
     level = 3.0  # m, at which gaps of the joint stand
     stages = [

@@ -13,6 +13,7 @@ from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_
 from romdam.fem.loads import thermal_force
 from romdam.fem.material import lame
 from romdam.fem.stress import stress_operator, thermal_stress
+from romdam.scene.ground.viscous import _distance
 
 # lambda = 24 0.25 / (1.25 0.5) = 9.6 and mu = 24 / 2.5 = 9.6 GPa; other numbers where lambda is not mu
 CONCRETE = Material(24e9, 0.25, 2400.0, expansion=2e-5)
@@ -77,3 +78,12 @@ def test_drag_on_a_rigid_motion():
     D = rigid_drag(C @ R, R)
     np.testing.assert_allclose(D @ D.T, np.outer([3, 6, 3], [3, 6, 3]) / 12, rtol=1e-12)
     np.testing.assert_allclose((C - D @ D.T) @ R, 0.0, atol=1e-14)
+
+
+def test_springs_of_viscous_faces_follow_from_their_mean_distance():
+    """4 m2 that are 5 m in front of the foot, and 2 m2 that are 3 m below it: (4 5 + 2 3) / 6 m."""
+    points = np.array(
+        [[7, 0, 0], [7, 2, 0], [7, 2, 2], [7, 0, 2], [4, 0, -3], [4, 2, -3], [5, 2, -3], [5, 0, -3]], float
+    )
+    facets = np.array([[0, 1, 2, 3], [4, 5, 6, 7]])
+    assert _distance(points, facets, np.array([2.0, 1.0, 0.0]), "here") == pytest.approx(26.0 / 6.0)

@@ -39,6 +39,7 @@ def test_a_change_of_temperature_has_no_offset():
 
 def test_si_takes_a_prefix_where_that_is_usual():
     assert SI.suited("Pa", 3.1e10) == (1e9, "GPa") and SI.suited("N m-3", 2e10) == (1e9, "GPa/m")
+    assert SI.suited("Pa", 1e3) == (1e3, "kPa") and SI.suited("Pa", 999.0) == (1.0, "Pa")
     assert SI.suited("m s-2", 1e4) == (1.0, "m/s²") and SI.suited("m", 0.0) == (1.0, "m")
 
 
