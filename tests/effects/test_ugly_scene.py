@@ -202,6 +202,10 @@ def test_slip_and_opening_count_from_the_pouring(last):
         assert np.abs(slip[:, 1:]).max() > 5e-4
         assert gaps.jump[of["lm"], 0] == pytest.approx(GAP["lm"] - 3.0 * since, rel=1e-8)
         assert gaps.jump[of["mr"], 0] == pytest.approx(GAP["mr"] + shrunk[:, 0], rel=1e-8)
+        assert built_up.built is not None
+        by_stage = built_up.built.opening[:, of["lm"]]  # at the gaps' positions, since the pouring
+        assert np.isnan(by_stage[0]).all() and by_stage[1] == pytest.approx(GAP["lm"], rel=1e-10)
+        assert by_stage[3] == pytest.approx(GAP["lm"] - 3.0 * EXPANSION["left"] * 14.0, rel=1e-8)
         assert moved["corner of left"] == pytest.approx(
             final * EXPANSION["left"] * np.array([3.0, 2.5, 6.0]), rel=1e-8
         )
