@@ -14,6 +14,7 @@ from romdam.fem.loads import thermal_force
 from romdam.fem.material import lame
 from romdam.fem.stress import stress_operator, thermal_stress
 from romdam.scene.ground.viscous import _distance
+from romdam.scene.temperature import slab_weights
 
 # lambda = 24 0.25 / (1.25 0.5) = 9.6 and mu = 24 / 2.5 = 9.6 GPa; other numbers where lambda is not mu
 CONCRETE = Material(24e9, 0.25, 2400.0, expansion=2e-5)
@@ -87,3 +88,11 @@ def test_springs_of_viscous_faces_follow_from_their_mean_distance():
     )
     facets = np.array([[0, 1, 2, 3], [4, 5, 6, 7]])
     assert _distance(points, facets, np.array([2.0, 1.0, 0.0]), "here") == pytest.approx(26.0 / 6.0)
+
+
+@pytest.mark.parametrize("through", ["equivalent", "harmonic"])
+@pytest.mark.parametrize("thickness", [1e-6, 1e-3])
+def test_a_thin_slab_is_straight_between_its_faces(through, thickness):
+    """Within round-off of no thickness, and of some: 3/4 of the upstream face's temperature at a quarter."""
+    upstream, downstream = slab_weights(np.array([0.25]), np.array([thickness]), 3.2e7, 1e-6, through)
+    assert upstream[0] == pytest.approx(0.75, abs=1e-6) and downstream[0] == pytest.approx(0.25, abs=1e-6)
