@@ -853,6 +853,19 @@ _FAULTS = [
             "climbed.height + self.observations.count * float(np.log(slope))",
         ),
     ),
+    *_in(
+        "scene/temperature.py",
+        ("tests/fem/test_temperature.py", "-k", "conduction"),
+        ("6.0 / z * (1.0 / tanh - 2.0 / z)", "6.0 / z * (1.0 / tanh - 1.0 / z)"),
+    ),
+    *_in(
+        "scene/temperature.py",
+        ("tests/fem/test_fem_by_hand.py",),
+        (
+            "return np.where(thin, 1.0 - share, upstream), np.where(thin, share, downstream)",
+            "return np.where(thin, share, upstream), np.where(thin, 1.0 - share, downstream)",
+        ),
+    ),
 ]
 FAULTS: dict[str, list[Fault]] = {}
 for _fault in _FAULTS:
