@@ -818,10 +818,6 @@ _FAULTS = [
     *_in(
         "timestepping/construction.py",
         ("tests/effects/test_ugly_scene.py", "-k", "pouring or bonds_what"),
-        (
-            "opening[k, present] += ((system.at_point @ q).reshape(n, d) + shift)[present, NORMAL]",
-            "opening[k, present] += ((system.at_point @ q).reshape(n, d))[present, NORMAL]",
-        ),
         ("slipped[grouted], memory[:, grouted] = 0.0, filled_memory[:, grouted]", "slipped[grouted] = 0.0"),
     ),
     *_in(
@@ -865,6 +861,17 @@ _FAULTS = [
             "return np.where(thin, 1.0 - share, upstream), np.where(thin, share, downstream)",
             "return np.where(thin, share, upstream), np.where(thin, 1.0 - share, downstream)",
         ),
+    ),
+    *_in("effects/construction.py", _UGLY, ("level=min(water.level, stage.level)", "level=stage.level")),
+    *_in(
+        "scene/construction.py",
+        _UGLY,
+        ("level = stage.level if stage.level is not None else level", "level = stage.level"),
+    ),
+    *_in(
+        "scene/force_histories.py",
+        _UGLY,
+        ("ForceSignal(name, time + entry.start, force", "ForceSignal(name, time, force"),
     ),
 ]
 FAULTS: dict[str, list[Fault]] = {}

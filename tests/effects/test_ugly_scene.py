@@ -15,6 +15,7 @@ from romdam.config import parse_config
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.added_mass import added_mass
+from romdam.effects.construction import construction
 from romdam.effects.full_order import assemble_full
 from romdam.fem.loads import static_force, surface_force
 from romdam.records.processing.support_motions import add_support_rows
@@ -365,10 +366,10 @@ def test_a_force_in_time_has_its_unit_scale_and_area(tmp_path):
     """5 kPa times 3 on the left's face at x = 3 m, 15 m2, push against x."""
     table = tmp_path / "force.csv"
     table.write_text("time,force\n0,0\n0.1,5\n0.3,-2\n0.4,0\n")
-    entry = {"table": str(table), "unit": "kPa", "block": "left", "face": "xmax", "scale": 3.0}
+    entry = {"table": str(table), "unit": "kPa", "block": "left", "face": "xmax", "scale": 3.0, "start": 0.2}
     scene = built(loads={"force_history": [entry]})[1]
     (history,) = scene.force_histories
-    sizes = history.signal.at(np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5]))
+    sizes = history.signal.at(0.2 + np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5]))
     pushed = history.nodal.sum(axis=0)[:, None] * sizes
     assert pushed[0] == pytest.approx(-15.0 * 3.0 * 1e3 * np.array([0.0, 2.5, 5.0, 1.5, -2.0, 0.0]))
     assert pushed[1:] == pytest.approx(0.0, abs=1e-9)
@@ -411,3 +412,18 @@ def test_places_along_a_line_that_turns_back():
     at = np.array([0.0, 10.0, 20.0, 24.0])
     points = np.array([[1, 5.2, 0], [-3, 0.5, 0], [4, 11, 0], [11, 4, 2], [12, -1, 0]])
     assert _along_line(line, at, points) == pytest.approx([1.0, -3.0, 26.0, 14.0, 10.0])
+
+
+def test_still_water_of_a_stage_stays_and_is_no_higher_than_its_load():
+    """Loads up to 3 m on the left and 5 m on the middle; from the first stage on the reservoir is at 4 m."""
+    faces = dict(zip(("left", "middle"), WET, strict=True))
+    water = [{"level": level, "faces": [faces[name]]} for name, level in (("left", 3.0), ("middle", 5.0))]
+    stages = [{"name": "filling", "level": 4.0}, {"name": "grout", "grout": [{"joints": ["lm", "mr"]}]}]
+    loads = {"hydrostatic": water, "gravity": [0.0, 0.0, -G]}
+    scene = built(construction=stages, joints=STRESSLESS, loads=loads)[1]
+    effect = construction(scene)
+    assert effect is not None
+    for name, head in (("left", 3.0), ("middle", 5.5)):
+        pushed = effect.surface[name].reshape(-1, 3, len(scene.construction)).sum(axis=0)[1]
+        whole = 1000.0 * G * head**2 / 2.0 * SIZE[name][0]
+        assert pushed[-2:] == pytest.approx(whole, rel=1e-12) and pushed[0] == 0.0
