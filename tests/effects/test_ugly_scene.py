@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import spsolve
 from simulating import simulated
 
 from romdam.config import parse_config
@@ -212,6 +213,21 @@ def test_slip_and_opening_count_from_the_pouring(last):
         )
     stages = both[0].construction
     assert stages is not None and stages.names[-4:] == tuple(stage["name"] for stage in JUMP)
+
+
+def test_openings_at_points_count_from_a_strained_neighbour():
+    """The left is strained by its weight before the middle is poured: what opens since is the middle's."""
+    stages = [{"name": "middle", "pour": ["middle"]}, {"name": "right", "pour": ["right"]}]
+    full = systems(construction=stages, loads={"gravity": [3.0, 0.0, -G]})[1][0]
+    plan, of = full.construction, full.law.joints["lm"]
+    assert plan is not None and full.at_point is not None
+    before, after = spsolve(full.K.tocsc(), plan.force[:, :2]).T
+    at_points = (full.B + full.at_point)[::3]
+    built_up = constructed(full, 1e-13).built
+    assert built_up is not None
+    wanted = GAP["lm"] + (at_points @ (after - before))[of]
+    assert built_up.opening[1, of] == pytest.approx(wanted, rel=1e-9)
+    assert np.abs((full.at_point[::3] @ before)[of]).max() > 1e-9  # which means around the gaps are not
 
 
 def test_grout_bonds_what_was_open_before():
