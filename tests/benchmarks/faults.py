@@ -873,6 +873,14 @@ _FAULTS = [
         _UGLY,
         ("ForceSignal(name, time + entry.start, force", "ForceSignal(name, time, force"),
     ),
+    *_in(
+        "timestepping/construction.py",
+        _UGLY,
+        (
+            "opening[k, present] += ((system.at_point @ q).reshape(n, d) + shift)[present, NORMAL]",
+            "opening[k, present] += ((system.at_point @ q).reshape(n, d))[present, NORMAL]",
+        ),
+    ),
 ]
 FAULTS: dict[str, list[Fault]] = {}
 for _fault in _FAULTS:
