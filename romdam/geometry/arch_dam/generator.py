@@ -7,6 +7,10 @@ downstream.
 The perimeter fills the first layers below the dam, the rock the rest. All blocks take their nodes from one
 numbering, so that every contact conforms; tetrahedra are mirrored on the left bank, which lets their
 diagonals agree around the corners of the path.
+
+Nodes in the middle of edges, facets and cells stand where the surfaces are: halfway between the corners'
+angles, shares of the thickness and elevations, not halfway between their positions. So quadratic elements
+follow the arcs and the crown's curve, and the rock its contact; at the rock's outer faces edges are straight.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ import numpy as np
 from romdam.config.sections.geometry.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
 from romdam.config.sections.ground import ViscousConfig
 from romdam.core.scene import Block, Bools, Ints, Material, Tie
+from romdam.geometry.arch_dam.divisions import refuse_divisions
 from romdam.geometry.arch_dam.rock import Ground, ground_grid
 from romdam.geometry.arch_dam.shape import ArchShape
 from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
@@ -54,7 +59,8 @@ class Dam:
 class _Grid:
     """All hexahedra: nodes, block of each, whether its tetrahedra are mirrored; positions and tags of nodes.
 
-    A tag is a node's indices in a grid: (a, b, c) in the dam, (p, b, l) in the ground.
+    A tag is a node's indices in a grid: (a, b, c) in the dam, (p, b, l) in the ground. `halves` has the
+    positions at all indices and halfway between them, by whether the grid is the dam's.
     """
 
     points: Floats
@@ -62,6 +68,7 @@ class _Grid:
     owner: Ints
     mirrored: Bools
     tags: dict[bool, Floats]
+    halves: dict[bool, Floats]
 
 
 def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: str, *, absorbs: bool) -> Dam:
@@ -76,16 +83,17 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: st
     Raises
     ------
     ConfigError
-        for a valley that cuts the arcs, a thickness of 0, joints that would cross, rock smaller than the dam,
-        and a zone that covers nothing.
+        for a valley that cuts the arcs, a thickness of 0, joints that would cross, divisions that leave
+        elements inside out or too slender, rock smaller than the dam, and a zone that covers nothing.
     MeshError
         for elements turned inside out.
     """
     config = config.model_copy(update={"divisions": config.divisions.refined})
     shape = ArchShape(config, location)
-    dam = _dam_points(shape)
-    ground = ground_grid(config, dam, location)
-    grid = _grid(config, dam, ground)
+    halves = _dam_points(shape)
+    refuse_divisions(config, halves, location)
+    ground = ground_grid(config, halves, location)
+    grid = _grid(config, halves, ground)
     points, cells, tags = _elements(grid, config.element)
     owner = np.repeat(grid.owner, len(cells) // len(grid.owner))
     zones = config.rock.zones if config.rock else {}
@@ -110,22 +118,23 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: st
 
 
 def _dam_points(shape: ArchShape) -> Floats:
-    """(na + 1, nb + 1, nc + 1, 3) corners of the dam's hexahedra.
+    """(2 na + 1, 2 nb + 1, 2 nc + 1, 3) corners of the dam's hexahedra and what lies halfway between them.
 
     Feet are straight between joints, so that refining the mesh does not change the dam.
     """
     config, d = shape.config, shape.config.divisions
     joints = np.linspace(-shape.end, shape.end, config.cantilevers + 1)
-    theta = np.linspace(-shape.end, shape.end, config.cantilevers * d.along + 1)
+    theta = np.linspace(-shape.end, shape.end, config.cantilevers * 2 * d.along + 1)
     foot = np.interp(theta, joints, shape.foot(joints))
-    b = np.linspace(0.0, 1.0, d.through + 1)[None, :, None]
-    c = np.linspace(0.0, 1.0, d.up + 1)[None, None, :]
+    b = np.linspace(0.0, 1.0, 2 * d.through + 1)[None, :, None]
+    c = np.linspace(0.0, 1.0, 2 * d.up + 1)[None, None, :]
     z = foot[:, None, None] + (config.crest - foot)[:, None, None] * c
     return shape.point(theta[:, None, None], b, z)
 
 
-def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
+def _grid(config: ArchDamConfig, halves: Floats, ground: Ground | None) -> _Grid:
     """Number the nodes and collect the hexahedra."""
+    dam = halves[::2, ::2, ::2]
     na, nb, nc = (n - 1 for n in dam.shape[:3])
     number = np.arange(dam[..., 0].size).reshape(dam.shape[:3])
     a = np.repeat(np.arange(na), nb * nc)
@@ -135,6 +144,7 @@ def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
         owner=a // config.divisions.along,
         mirrored=2 * a < na,
         tags={True: _tags(number, number.size)},
+        halves={True: halves},
     )
     if ground is None:
         return inner
@@ -155,6 +165,7 @@ def _grid(config: ArchDamConfig, dam: Floats, ground: Ground | None) -> _Grid:
         owner=np.concatenate([inner.owner, piece_of[filled]]),
         mirrored=np.concatenate([inner.mirrored, left[filled]]),
         tags={True: np.vstack([inner.tags[True], rest]), False: _tags(ground_number, count)},
+        halves={True: halves, False: ground.halves},
     )
 
 
@@ -176,8 +187,13 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
         cells = np.where(inside_out[:, None], cells[:, [0, 2, 1, 3]], cells)
     whole = np.hstack([grid.points, *grid.tags.values()])
     whole, cells = with_middle_nodes(whole, cells, ELEMENTS[element])
-    points, *tags = np.ascontiguousarray(whole.reshape(len(whole), -1, 3).transpose(1, 0, 2))
-    return points, cells, dict(zip(grid.tags, tags, strict=True))
+    points, *of_grids = np.ascontiguousarray(whole.reshape(len(whole), -1, 3).transpose(1, 0, 2))
+    tags = dict(zip(grid.tags, of_grids, strict=True))
+    middle = np.arange(len(points)) >= len(grid.points)
+    for is_dam, tag in reversed(tags.items()):  # on the contact, which both have, the dam's
+        here = middle & np.isfinite(tag).all(axis=1)
+        points[here] = grid.halves[is_dam][tuple(np.rint(2.0 * tag[here]).astype(int).T)]
+    return points, cells, tags
 
 
 def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | None) -> dict[str, Ints]:

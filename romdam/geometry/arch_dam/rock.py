@@ -22,6 +22,7 @@ class Ground:
     Attributes
     ----------
     points : (np + 1, rows + 1, layers in all + 1, 3) [m]
+    halves : (2 np + 1, 2 rows + 1, 2 layers + 1, 3) the same and what lies halfway between them [m]
     under : first and last b below the dam
     layers : layers of the perimeter; 0 without
     zone : (np, rows, layers) number of the zone of each cell, -1 where there is no rock
@@ -31,6 +32,7 @@ class Ground:
     """
 
     points: Floats
+    halves: Floats
     under: tuple[int, int]
     layers: int
     zone: Ints
@@ -73,8 +75,12 @@ class Ground:
         return piece
 
 
-def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | None:
-    """Lay the ground around a dam's grid of points (na + 1, nb + 1, nc + 1, 3); None without any.
+def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Ground | None:
+    """Lay the ground around a dam; None without any.
+
+    Parameters
+    ----------
+    dam_halves : (2 na + 1, 2 nb + 1, 2 nc + 1, 3) the dam's grid, every other point a corner [m]
 
     Raises
     ------
@@ -83,6 +89,7 @@ def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | N
     """
     if config.perimeter is None and config.rock is None:
         return None
+    dam = dam_halves[::2, ::2, ::2]
     na, nb, nc = (n - 1 for n in dam.shape[:3])
     contact = np.array(
         [(0, c) for c in range(nc, 0, -1)]
@@ -104,7 +111,8 @@ def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | N
     if rock is None:
         points = np.stack(layers, axis=2)
         filled = np.ones(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
-        return Ground(points, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
+        halves = _halved(points, 3) + _bulge(dam_halves, inner, contact)[:, :, None]
+        return Ground(points, halves, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
     last = layers[-1]
     extents = {
         "half_width": (rock.half_width, float(np.abs(last[..., 0]).max())),
@@ -135,7 +143,41 @@ def ground_grid(config: ArchDamConfig, dam: Floats, location: str) -> Ground | N
         row[..., 1] += share[None, :, None] * (end - start[..., 1])
         rows.append(row)
     points = np.concatenate([rows[0], points, rows[1]], axis=1)
-    return _zoned(rock, points, under, count, contact, location)
+
+    # what the contact deviates from straight edges fades towards the outer faces, which are planes
+    outward = np.concatenate([np.ones(count), 1.0 - graded(d.rock, d.growth)])
+    across = np.concatenate(
+        [1.0 - graded(d.upstream, d.growth)[:0:-1], np.ones(nb + 1), 1.0 - graded(d.downstream, d.growth)[1:]]
+    )
+    bulge = np.pad(
+        _bulge(dam_halves, inner, contact),
+        ((0, 0), (2 * d.upstream, 2 * d.downstream), (0, 0)),
+        mode="edge",
+    )
+    fading = _halved(across[:, None] * outward, 2)
+    halves = _halved(points, 3) + bulge[:, :, None] * fading[None, :, :, None]
+    return _zoned(rock, points, halves, under, count, contact, location)
+
+
+def _halved(grid: Floats, axes: int) -> Floats:
+    """A grid with the means between neighbours inserted along its first axes."""
+    for axis in range(axes):
+        lines = np.moveaxis(grid, axis, 0)
+        finer = np.empty((2 * len(lines) - 1, *lines.shape[1:]))
+        finer[::2], finer[1::2] = lines, 0.5 * (lines[1:] + lines[:-1])
+        grid = np.moveaxis(finer, 0, axis)
+    return grid
+
+
+def _bulge(dam_halves: Floats, inner: Floats, contact: Ints) -> Floats:
+    """What the contact lies off the means of its corners `inner` (np + 1, nb + 1, 3).
+
+    Returns
+    -------
+    (2 np + 1, 2 nb + 1, 3) [m], zero at the corners
+    """
+    path = np.rint(2.0 * _halved(contact.astype(float), 1)).astype(int)
+    return dam_halves[path[:, 0], :, path[:, 1]] - _halved(inner, 2)
 
 
 def _stretch(inner: Floats, rays: Floats) -> Floats:
@@ -185,6 +227,7 @@ def refuse_thin(count: int, growth: float, location: str) -> None:
 def _zoned(
     rock: RockConfig,
     points: Floats,
+    halves: Floats,
     under: tuple[int, int],
     layers: int,
     contact: Ints,
@@ -207,7 +250,7 @@ def _zoned(
             f"in no zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it "
             "takes the rest"
         )
-    return Ground(points, under, layers, zone, perimeter, tuple(rock.zones), contact)
+    return Ground(points, halves, under, layers, zone, perimeter, tuple(rock.zones), contact)
 
 
 def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str) -> Ints:
