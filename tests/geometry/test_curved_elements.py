@@ -1,0 +1,255 @@
+"""Quadratic elements of generated dams on arcs and in curvature both ways, against closed forms.
+
+A dam of one cantilever is a sector of a thick cylinder where its profiles are constant, and a piece of a
+thick sphere where its radii follow one. Its volume, its answer to pressure and its breathing frequency
+converge with the order of the element, which they cannot where middle nodes stand on chords.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from arch_dams import arch_dam
+from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
+from scipy.sparse import block_diag, csr_matrix
+from scipy.sparse.linalg import eigsh, spsolve
+from scipy.special import jv, yv
+
+from romdam.core.errors import ConfigError
+from romdam.fem.assembly import assemble
+from romdam.fem.loads import pressure_force
+from romdam.fem.stress import stress_operator
+from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.meshes.quality import sound_volume
+
+OUTER, INNER, ANGLE = 50.0, 35.0, np.radians(40.0)  # radii [m], half the angle of the sector
+E, NU, RHO = 28e9, 0.2, 2400.0  # of the concrete of arch_dams
+LAM, MU = E * NU / (1 + NU) / (1 - 2 * NU), E / 2 / (1 + NU)
+PRESSURE = 1e6
+
+
+def dam(make, element, divisions, outer, inner, top):
+    """One cantilever whose faces have these radii over the elevation, all about the crest's axis."""
+    z = np.linspace(0.0, 100.0, 401)
+    at_top = 0.5 * (outer(top) + inner(top)) * np.sin(ANGLE)
+    shift = float(outer(100.0))
+    profile = {
+        "upstream": [[float(h), shift - float(outer(h))] for h in z],
+        "thickness": [[float(h), float(outer(h) - inner(h))] for h in z],
+    }
+    along, through, up = divisions
+    (block,) = make(
+        arch_dam(
+            ground=False,
+            cantilevers=1,
+            joints="tied",
+            element=element,
+            crown=profile,
+            arcs={
+                "upstream_radius": [[float(h), float(outer(h))] for h in z],
+                "downstream_radius": [[float(h), float(inner(h))] for h in z],
+            },
+            valley=[[0, at_top], [100, at_top]],
+            abutment_height=100.0 - top,
+            divisions={"along": along, "through": through, "up": up},
+        )
+    ).blocks.values()
+    centred = block.points - [0.0, shift, 0.0]
+    return block, centred
+
+
+def ring(make, element, divisions):
+    """A sector of a thick cylinder, 10 m high."""
+    return dam(make, element, divisions, lambda z: OUTER + 0.0 * z, lambda z: INNER + 0.0 * z, 90.0)
+
+
+SPHERE = 200.0, 170.0  # radii [m]
+
+
+def cap(make, element, divisions):
+    """A piece of a thick sphere around the crest's centre, between 40 and 100 m above its equator."""
+    outer, inner = (lambda z, R=R: np.sqrt(R**2 - np.square(z)) for R in SPHERE)
+    return dam(make, element, divisions, outer, inner, 40.0)
+
+
+def orders(errors):
+    """Order of convergence of each halving."""
+    return [np.log2(a / b) for a, b in pairwise(errors)]
+
+
+def lame(r, outer, inner, dimension):
+    """Radial displacement (u, r A + B r^(1 - dimension)) under a pressure on the outer face; A and B."""
+    # sigma_r = a A - b B r^-d, zero at the inner face and -PRESSURE at the outer one
+    a = 2 * LAM + 2 * MU if dimension == 2 else 3 * LAM + 2 * MU
+    b = 2 * MU if dimension == 2 else 4 * MU
+    A, B = np.linalg.solve([[a, -b * inner**-dimension], [a, -b * outer**-dimension]], [0.0, -PRESSURE])
+    return A * r + B * r ** (1.0 - dimension), A, B
+
+
+@pytest.mark.parametrize(
+    ("element", "least"), [("hex8", 1.9), ("hex20", 3.8), ("hex27", 3.8), ("tet10", 3.5)]
+)
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        (ring, ANGLE * (OUTER**2 - INNER**2) * 10.0),
+        (cap, ANGLE * (SPHERE[0] ** 2 - SPHERE[1] ** 2) * 60.0),  # horizontal rings of one area
+    ],
+)
+def test_volume_converges_with_the_order_of_the_element(make, shape, volume, element, least):
+    errors = []
+    for n in (1, 2, 4):
+        block, _ = shape(make, element, (2 * n, 1, n))
+        errors.append(abs(sound_volume(block, "s") / volume - 1.0))
+    assert min(orders(errors)) > least, errors
+    assert element == "hex8" or errors[-1] < 1e-5
+
+
+def free_of_turning(block, centred):
+    """Independent components (3n, m): none across the ends' radial planes nor across top and bottom."""
+    angle = np.arctan2(centred[:, 0], -centred[:, 1])
+    ends = np.abs(np.abs(angle) - ANGLE) < 1e-9
+    flat = np.ptp(block.points[:, 2]) * 1e-9
+    level = np.min([np.abs(block.points[:, 2] - z) for z in (block.points[:, 2].min(), 100.0)], axis=0) < flat
+    turns = []
+    for a, end, held in zip(angle, ends, level, strict=True):
+        axes = np.array([[np.sin(a), -np.cos(a), 0.0], [np.cos(a), np.sin(a), 0.0], [0.0, 0.0, 1.0]])
+        keep = np.array([True, not end, not held])
+        turns.append(csr_matrix(axes[keep].T))
+    return csr_matrix(block_diag(turns))
+
+
+@pytest.mark.parametrize(("element", "least"), [("hex20", 3.0), ("hex27", 3.0), ("tet10", 2.5)])
+def test_a_thick_cylinder_under_pressure_is_lames(make, element, least):
+    """Plane strain, slipping on the planes that end it; energy, radial displacement and hoop stress."""
+    displacement, hoop = [], []
+    for n in (1, 2, 4):
+        block, centred = ring(make, element, (2 * n, n, 1))
+        K = assemble(block)[0]
+        T = free_of_turning(block, centred)
+        force = pressure_force(block.points, block.faces["upstream"], PRESSURE).ravel()
+        u = T @ spsolve((T.T @ K @ T).tocsc(), T.T @ force)
+        r = np.hypot(centred[:, 0], centred[:, 1])
+        exact, A, B = lame(r, OUTER, INNER, 2)
+        direction = np.c_[centred[:, :2] / r[:, None], np.zeros(len(r))]
+        difference = u.reshape(-1, 3) - exact[:, None] * direction
+        displacement.append(np.linalg.norm(difference) / np.linalg.norm(exact))
+        nodes = np.flatnonzero(np.abs(centred[:, 0]) < 1e-9)
+        stress = (stress_operator(block, nodes) @ u).reshape(-1, 6)[:, 0]  # at the crown hoops run along x
+        right = 2 * (LAM + MU) * A + 2 * MU * B / r[nodes] ** 2
+        hoop.append(np.abs(stress / right - 1.0).max())
+    assert min(orders(displacement)) > least, displacement
+    assert displacement[-1] < 2e-4
+    assert min(orders(hoop)) > 1.4, hoop
+    assert hoop[-1] < 0.01
+
+
+@pytest.mark.parametrize(("element", "least"), [("hex20", 2.8), ("tet10", 2.5)])
+def test_a_thick_sphere_under_pressure_is_lames(make, element, least):
+    """Displacements of the cut faces are the exact ones; those in between follow from the pressure."""
+    errors = []
+    for n in (1, 2, 4):
+        block, centred = cap(make, element, (2 * n, n, n))
+        K = assemble(block)[0]
+        r = np.linalg.norm(centred, axis=1)
+        exact = (lame(r, *SPHERE, 3)[0] / r)[:, None] * centred
+        held = np.zeros(len(r), dtype=bool)
+        held[np.unique(block.faces["contact"])] = held[np.unique(block.faces["crest"])] = True
+        on = np.repeat(held, 3)
+        force = pressure_force(block.points, block.faces["upstream"], PRESSURE).ravel()
+        u = np.where(on, exact.ravel(), 0.0)
+        u[~on] = spsolve(K[~on][:, ~on].tocsc(), (force - K @ u)[~on])
+        difference = (u - exact.ravel())[~on]
+        errors.append(np.linalg.norm(difference) / np.linalg.norm(exact.ravel()[~on]))
+    assert min(orders(errors)) > least, errors
+    assert errors[-1] < 1e-4
+
+
+def breathing(outer, inner):
+    """Circular frequency of the lowest axisymmetric mode of a free ring in plane strain."""
+    c = np.sqrt((LAM + 2 * MU) / RHO)
+
+    def radial_stress(f, k, r):
+        """Of u = f_1(k r), with f_1' = k f_0 - f_1 / r."""
+        slope = k * f(0, k * r) - f(1, k * r) / r
+        return (LAM + 2 * MU) * slope + LAM * f(1, k * r) / r
+
+    def determinant(k):
+        rows = [[radial_stress(f, k, r) for f in (jv, yv)] for r in (inner, outer)]
+        return np.linalg.det(rows)
+
+    k = np.linspace(0.2, 1.5, 200) / outer
+    values = [determinant(x) for x in k]
+    at = next(i for i in range(len(k) - 1) if values[i] * values[i + 1] < 0.0)
+    return c * brentq(determinant, k[at], k[at + 1])
+
+
+@pytest.mark.parametrize("element", ["hex20", "tet10"])
+def test_a_ring_breathes_at_the_closed_forms_frequency(make, element):
+    omega = breathing(OUTER, INNER)
+    # a thin ring: omega = sqrt(E' / rho) / R
+    assert omega == pytest.approx(np.sqrt(E / (1 - NU**2) / RHO) / (0.5 * (OUTER + INNER)), rel=0.02)
+    errors = []
+    for n in (1, 2, 4):
+        block, centred = ring(make, element, (2 * n, n, 1))
+        K, M = assemble(block)
+        T = free_of_turning(block, centred)
+        radial = np.c_[centred[:, :2], np.zeros(len(centred))].ravel()
+        values, shapes = eigsh(T.T @ K @ T, 4, T.T @ M @ T, sigma=omega**2)
+        likeness = np.abs((T @ shapes).T @ (M @ radial))
+        errors.append(abs(np.sqrt(values[np.argmax(likeness)]) / omega - 1.0))
+    assert min(orders(errors)) > 3.2, errors
+    assert errors[-1] < 1e-5
+
+
+def test_joint_areas_follow_the_curve_of_the_crown(make):
+    """Corner gaps share the area between the crown's two curved faces: of a cubic, Simpson's rule is exact."""
+    raw = arch_dam(element="hex20", divisions={"along": 1, "through": 2, "up": 2})
+    z, thickness = np.transpose(raw["arch_dam"]["crown"]["thickness"])
+    area = quad(PchipInterpolator(z, thickness), 0.0, 100.0, points=[50.0])[0]
+    joint = make(raw).joints["J2"]
+    assert len(joint.area) == 9 and joint.area.min() > 0.0
+    assert joint.area.sum() == pytest.approx(area, rel=1e-12)
+
+
+@pytest.mark.parametrize("element", ["hex20", "hex27", "tet10"])
+def test_rock_follows_the_contact_and_keeps_its_box(make, element):
+    scene = make(arch_dam(element=element))
+    assert ELEMENTS[element].quadratic
+    for name, block in scene.blocks.items():
+        for face, axis, at in (("base", 2, -120.0), ("side_left", 0, -260.0), ("side_upstream", 1, -160.0)):
+            if name.startswith("rock") and face in block.faces:
+                assert np.abs(block.points[np.unique(block.faces[face]), axis] - at).max() < 1e-9
+    # middle nodes of the upstream face stand on circles about the centres of their elevations
+    points = scene.blocks["C1"].points[np.unique(scene.blocks["C1"].faces["upstream"])]
+    y = PchipInterpolator([0, 40, 100], [0, -9, -2])(points[:, 2])
+    radius = 75.0 + 0.5 * points[:, 2]
+    assert np.abs(np.hypot(points[:, 0], points[:, 1] - y - radius) - radius).max() < 1e-9
+
+
+SLENDER = r"divisions\.through = 100: elements are too slender: in block C4 around \(.*\) m one has 0\.0991 m"
+INSIDE_OUT = (
+    r"divisions\.up = 1: the hex20 elements .* turn inside out, the worst in block C\d around .* above 0"
+)
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"divisions": {"along": 1, "through": 100, "up": 3}}, SLENDER),
+        ({"divisions": {"along": 1, "through": 1, "up": 100}}, r"up = 100: .* raise divisions\.along \(1\)"),
+        (
+            {  # a parabola through 60, 5 and 5 m is negative in between
+                "divisions": {"along": 1, "through": 1, "up": 1},
+                "crown": {"thickness": [[0, 60], [50, 5], [100, 5]]},
+                "arcs": {"upstream_radius": 125.0},
+            },
+            INSIDE_OUT,
+        ),
+    ],
+)
+def test_divisions_that_spoil_elements_are_refused(make, keys, message):
+    with pytest.raises(ConfigError, match=message):
+        make(arch_dam(ground=False, element="hex20", **keys))
