@@ -205,7 +205,7 @@ def test_a_ring_breathes_at_the_closed_forms_frequency(make, element):
 
 
 def test_joint_areas_follow_the_curve_of_the_crown(make):
-    """Corner gaps share the area between the crown's two curved faces: of a cubic, Simpson's rule is exact."""
+    """Corner gaps share the area between the crown's curved faces: Simpson's rule is exact for a cubic."""
     raw = arch_dam(element="hex20", divisions={"along": 1, "through": 2, "up": 2})
     z, thickness = np.transpose(raw["arch_dam"]["crown"]["thickness"])
     area = quad(PchipInterpolator(z, thickness), 0.0, 100.0, points=[50.0])[0]
