@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from arch_dams import arch_dam
+from arch_dams import JOINTS, arch_dam
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
@@ -204,14 +204,24 @@ def test_a_ring_breathes_at_the_closed_forms_frequency(make, element):
     assert errors[-1] < 1e-5
 
 
-def test_joint_areas_follow_the_curve_of_the_crown(make):
-    """Corner gaps share the area between the crown's curved faces: Simpson's rule is exact for a cubic."""
-    raw = arch_dam(element="hex20", divisions={"along": 1, "through": 2, "up": 2})
+@pytest.mark.parametrize("element", ["hex20", "tet10"])
+@pytest.mark.parametrize(("joint", "gaps"), [("corners", 9), ("nodes", 21), ("mortar", 9), ("spacing", 0)])
+def test_joint_areas_follow_the_curve_of_the_crown(make, element, joint, gaps):
+    """Gaps share the area between the crown's curved faces: Simpson's rule is exact for a cubic."""
+    keys = {
+        "corners": {"gaps": "corners", "discretization": "node_to_node"},
+        "nodes": {"gaps": "nodes", "discretization": "node_to_node"},
+        "mortar": {"gaps": "nodes", "discretization": "mortar"},
+        "spacing": {"gaps": "corners", "spacing": 20.0},
+    }[joint]
+    raw = arch_dam(element=element, divisions={"along": 1, "through": 2, "up": 2}, joints=JOINTS | keys)
     z, thickness = np.transpose(raw["arch_dam"]["crown"]["thickness"])
     area = quad(PchipInterpolator(z, thickness), 0.0, 100.0, points=[50.0])[0]
-    joint = make(raw).joints["J2"]
-    assert len(joint.area) == 9 and joint.area.min() > 0.0
-    assert joint.area.sum() == pytest.approx(area, rel=1e-12)
+    found = make(raw).joints["J2"]
+    if element == "hex20" and gaps:
+        assert len(found.area) == gaps
+    assert found.area.min() > 0.0
+    assert found.area.sum() == pytest.approx(area, rel=1e-12)
 
 
 @pytest.mark.parametrize("element", ["hex20", "hex27", "tet10"])

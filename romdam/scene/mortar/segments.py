@@ -15,6 +15,7 @@ REACH = 0.1  # distance of pieces that face each other, in sizes of the smaller,
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
 _NOTHING = 1e-12  # share of a piece that is round-off
 _DEGREE = {"tri3": 1, "quad4": 2, "tri6": 2, "quad8": 3, "quad9": 4}  # of shape functions in the plane
+_COVERED = 1e-2  # of a facet's flat pieces, that clipping faceted faces may miss
 _CURVED = 6  # degrees more where the map to the plane is no polynomial
 
 
@@ -147,7 +148,10 @@ def samples(slave: Surface, master: Surface, where: Segments, degree: int) -> Sa
 
 
 def _on_surface(slave: Surface, where: Segments, segment: Ints, xi: Floats, size: Floats) -> Floats:
-    """Weights of the plane over the cosine to the curved surface; covered facets get their whole area."""
+    """Weights of the plane over the cosine to the curved surface; covered facets get their whole area.
+
+    A facet is covered where the polygons fill its flat pieces, which may miss much of it at a curved edge.
+    """
     facet = where.slave[segment]
     slope = slave.element.gradient(xi.reshape(-1, 2)).reshape(*xi.shape[:2], 2, -1)
     tangents = np.einsum("nqda,nak->nqdk", slope, slave.points[slave.facets[facet]], optimize=True)
@@ -156,7 +160,13 @@ def _on_surface(slave: Surface, where: Segments, segment: Ints, xi: Floats, size
     size = size / cosine
     covered = np.bincount(facet, size.sum(axis=1), len(slave.facets))
     share = np.divide(slave.areas, covered, out=np.ones_like(covered), where=covered > 0.0)
-    share[np.abs(share - 1.0) > 1e-2] = 1.0
+    pieces, count = slave.pieces, len(slave.facets)
+    across = np.cross(
+        pieces.corners[:, 2] - pieces.corners[:, 0], pieces.corners[:, 3] - pieces.corners[:, 1]
+    )
+    flat = np.bincount(pieces.facet, 0.5 * np.linalg.norm(across, axis=1), count)
+    filled = np.bincount(where.slave, where.area, count) / flat
+    share[np.abs(filled - 1.0) > _COVERED] = 1.0
     return np.asarray(size * share[facet][:, None])
 
 
