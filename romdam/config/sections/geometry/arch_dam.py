@@ -184,7 +184,7 @@ class ArchDamConfig(Model):
     """Number of cantilevers, a joint between each two."""
     material: str
     """Material of the cantilevers, a name of `materials`."""
-    element: GridElement = "tet10"
+    element: GridElement = "hex20"
     """Shape and order of the elements."""
     divisions: DivisionsConfig = DivisionsConfig()
     perimeter: PerimeterConfig | None = None
