@@ -282,7 +282,7 @@ def arch_job():
     path = ROOT / "configs" / "arch_dam.yaml"
     raw = yaml.safe_load(path.read_text())
     dam = raw["arch_dam"]
-    dam["divisions"] |= {"up": 3, "rock": 2, "upstream": 2, "downstream": 2, "through": 1}
+    dam["divisions"] |= {"along": 2, "up": 3, "rock": 2, "upstream": 2, "downstream": 2, "through": 1}
     raw["outputs"]["plots"] = False
     raw["transient"]["duration"] = "2 s"
     return Job(parse_config(raw, path.name), path)

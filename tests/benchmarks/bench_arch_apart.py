@@ -35,6 +35,7 @@ from romdam.geometry.arch_dam.generator import arch_dam
 from romdam.geometry.arch_dam.shape import ArchShape
 
 CONFIG = Path(__file__).parents[2] / "configs" / "arch_dam.yaml"
+MESH = {"along": 2, "through": 2, "up": 8, "rock": 6, "upstream": 4, "downstream": 4, "growth": 1.5}
 ROCK = {"material": "fair_rock", "mass": False}
 SIDES = (("x", -260.0), ("x", 260.0), ("y", -160.0), ("y", 220.0))
 FACES = {
@@ -54,7 +55,8 @@ def structured(seconds: float, through: int) -> dict[str, Any]:
     dam = raw["arch_dam"]
     del dam["perimeter"], dam["divisions"]["perimeter"], dam["joints"]["gaps"]
     dam["rock"]["zones"] = {"all": ROCK}
-    dam["divisions"] |= {"up": 10, "through": through}
+    dam["element"] = "tet10"
+    dam["divisions"] |= MESH | {"up": 10, "through": through}
     raw["loads"].pop("temperature")
     raw["outputs"].pop("stress")
     for entry in raw["records"][0]["components"].values():

@@ -6,8 +6,8 @@
 configs/arch_dam.yaml on three meshes with all else alike; `fine` is the one of the file. Gaps stand at the
 corners of the joints' facets, so there are more of them on a finer mesh, each for a smaller area; opening is
 therefore taken between the two nodes of the crest's upstream edge at every joint, which all meshes have, and
-stress in the middle of the crown's upstream face, away from the re-entrant corners where it has no limit. The
-meshes take 6, 25 and 160 s of CPU and up to 4 GB. Prints a Markdown table; nothing here passes or fails.
+stress in the middle of the crown's upstream face, away from the re-entrant corners where it has no limit.
+Prints a Markdown table; nothing here passes or fails.
 """
 
 from __future__ import annotations

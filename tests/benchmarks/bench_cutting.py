@@ -40,7 +40,7 @@ def monolith(divisions: dict[str, int]) -> tuple[Block, Any]:
     raw: dict[str, Any] = yaml.safe_load(CONFIG.read_text())
     dam = {key: value for key, value in raw["arch_dam"].items() if key not in ("rock", "perimeter")}
     keys = {key: raw[key] for key in ("materials", "records", "model", "transient")}
-    job = keys | {"arch_dam": dam | {"joints": "tied", "divisions": divisions}}
+    job = keys | {"arch_dam": dam | {"joints": "tied", "element": "tet10", "divisions": divisions}}
     scene = build_scene(parse_config(job, "dam.yaml"), CONFIG.parent, "dam.yaml")
     (part,) = scene_parts(scene).values()
     rows = {

@@ -42,6 +42,7 @@ def built(factor: int) -> tuple[Job, Scene]:
     raw["arch_dam"]["divisions"] = {key: factor * n for key, n in COARSE.items()} | {
         "growth": GROWTH ** (1.0 / factor)
     }
+    raw["arch_dam"]["element"] = "tet10"
     del raw["outputs"]["stress"]
     job = Job(parse_config(raw, CONFIG.name), CONFIG)
     return job, build_scene(job.config, job.folder, CONFIG.name)
