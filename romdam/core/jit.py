@@ -42,12 +42,11 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import at, put
 from romdam.core.files import hold, lock_folder
-from romdam.core.fingerprint import files_digest
+from romdam.core.fingerprint import code_digest, files_digest
 
 log = logging.getLogger(__name__)
 
 _SETTINGS: Any = numba.config
-_KERNELS = ("contact", "timestepping")  # rooms whose compiled functions call each other
 _LONG = 1.0  # seconds of compiling that are worth a line
 _PATIENCE, _LOOK = 300.0, 0.05  # seconds to wait for a process that compiles the same, and between two looks
 _RARELY = (50_000, 20, 20)  # objects made between two looks for garbage; looks before older ones are in them
@@ -158,7 +157,7 @@ def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
             # numba looks at the file of the function alone; what it calls stands in other files, and those
             # of a checkout that is brought up to date change one by one
             index, folder = cache._cache_file, Path(function.__code__.co_filename).parent
-            index._source_stamp = (index._source_stamp, _code_of(folder))
+            index._source_stamp = (index._source_stamp, _code_of(function.__module__, folder))
 
         def compile_without_collecting(signature: Any) -> Any:
             """Compile with few looks for garbage: at numba's millions of objects, they take an eighth of the
@@ -280,12 +279,14 @@ def _temporary_cache() -> Path | None:
 
 
 @functools.cache
-def _code_of(folder: Path) -> str:
-    """SHA-256 of what compiled functions of a folder may call: its files, and all of _KERNELS."""
-    package = Path(__file__).parents[1]
-    kernels = {path for room in _KERNELS for path in (package / room).rglob("*.py")}
-    kernels |= {Path(__file__), *(Path(__file__).with_name(name) for name in ("arrays.py", "recorded.py"))}
-    return files_digest(sorted({*folder.glob("*.py"), *kernels}))
+def _code_of(module: str, folder: Path) -> str:
+    """SHA-256 of what compiled functions of a module may call and take: of what it imports, in the end.
+
+    A module that is not romdam's may call all of romdam, and what stands in the folder of its file.
+    """
+    if module.startswith("romdam."):
+        return code_digest(module, __name__)
+    return files_digest(sorted(folder.glob("*.py"))) + code_digest()
 
 
 def _guard(cache: Any, lock: _Lock) -> None:

@@ -19,7 +19,7 @@ from romdam.core.scene import Block
 from romdam.geometry.meshes.quality import refuse_loose_nodes
 from romdam.reduction.basis import Augmented
 from romdam.reduction.mode_choice import ModeChoice
-from romdam.reduction.storage.keys import ROOMS, key_content
+from romdam.reduction.storage.keys import CODE, key_content
 from romdam.reduction.storage.model_file import LAYOUT, BlockStore, StreamedBasis
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
@@ -132,7 +132,7 @@ def select_reductor(
 def basis_keys(reductor: Reductor, substructure: Substructure, choice: ModeChoice) -> dict[str, str]:
     """Return block name -> SHA-256 of all that its basis depends on, with the code that reduces."""
     content = reductor.name, reductor.key(substructure, choice)
-    key = fingerprint((LAYOUT, code_digest(*ROOMS), *content))
+    key = fingerprint((LAYOUT, code_digest(CODE), *content))
     if len(substructure.blocks) == 1:
         return {substructure.blocks[0]: key}
     return {name: fingerprint((key, name)) for name in substructure.blocks}

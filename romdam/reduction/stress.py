@@ -11,7 +11,9 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import BlockBasis
 from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.linalg.dense import factors
-from romdam.reduction.storage.keys import ROOMS
+from romdam.reduction.storage.keys import CODE
+
+_CODE = (CODE, "romdam.fem.stress", __name__)  # what makes a basis, its stress, and the factors of that
 
 
 def stress_factors(fields: Mapping[str, Floats]) -> dict[str, tuple[Floats, Floats]]:
@@ -48,4 +50,4 @@ def digest_of_stress(
     q = np.random.default_rng(0).standard_normal(basis.vectors.shape[1])
     columns = basis.columns.start, basis.columns.stop
     motion = operator @ basis.vectors.apply(q)
-    return fingerprint((code_digest(*ROOMS), columns, motion, (name, nodes, offset, carried)))
+    return fingerprint((code_digest(*_CODE), columns, motion, (name, nodes, offset, carried)))

@@ -25,6 +25,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from romdam.core.errors import ConfigError, quote
+from romdam.core.fingerprint import code_digest
 
 # whose functions and constants are known by their names: versions of these are in every key of what is kept
 _KNOWN = frozenset(sys.stdlib_module_names) | {"numpy", "numba", "scipy", "romdam"}
@@ -116,7 +117,7 @@ class _Walk:
         if isinstance(value, _OBJECT_MODE):
             raise self._refusal(name, "Python code within compiled code")
         if self._is_known(value):
-            return value, (type(value).__name__, _qualified(value))
+            return value, (type(value).__name__, *_known(value))
         if isinstance(value, FunctionType):
             copy, content = self.function(value)
             return numba.njit(copy), content
@@ -133,7 +134,7 @@ class _Walk:
     def _compiled(self, value: Any) -> tuple[Any, object]:
         """A function that numba compiles, from a copy: what it was compiled to had the values of then."""
         if self._is_known(value.py_func):
-            return value, _qualified(value.py_func)
+            return value, _known(value.py_func)
         function, content = self.function(value.py_func)
         types = () if value._can_compile else (list(value.nopython_signatures),)
         copy = numba.jit(*types, **value.targetoptions)(function)
@@ -174,6 +175,14 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 def _text(code: CodeType) -> object:
     consts = [_text(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
     return (code.co_code, consts, list(code.co_names), list(code.co_varnames), list(code.co_freevars))
+
+
+def _known(value: Any) -> tuple[str, ...]:
+    """Name of what a name says all of; where that is romdam's, the digest of its code, too."""
+    name = _qualified(value)
+    if not name.startswith("romdam."):
+        return (name,)
+    return name, code_digest(name if isinstance(value, ModuleType) else value.__module__)
 
 
 def _qualified(value: Any) -> str:

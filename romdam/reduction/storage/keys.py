@@ -1,10 +1,10 @@
 """Keys of stored bases: the SHA-256 of everything that a basis depends on.
 
 Mesh, element, material, supports, what the joints retain, the loads that the basis answers statically, the
-choice of modes, the layout, the name of the method, and the code that reduces with the libraries that
-multiply and factor for it: what is found is what would be computed, to the bit. Stiffness and friction of
-joints, gaps, damping, weight and records are not part of it; water is, where a finer basis answers its
-inertia. See `romdam.reduction.reductor.basis_keys`.
+choice of modes, the layout, the name of the method, and the code that reduces, with all that it imports and
+the libraries that multiply and factor for it: what is found is what would be computed, to the bit. Stiffness
+and friction of joints, gaps, damping, weight and records are not part of it; water is, where a finer basis
+answers its inertia. See `romdam.reduction.reductor.basis_keys`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import Substructure
 
-ROOMS = ("core", "effects", "fem", "linalg", "reduction", "scene")  # whose code makes a basis
+CODE = "romdam.reduction.synthesis"  # which imports all methods, and by them all that makes a basis
 
 
 def block_content(substructure: Substructure, choice: ModeChoice) -> tuple[object, ...]:
