@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pint
 
 _LONGEST = 80  # characters of a quantity
-_NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.ASCII)
 _NAME = r"([A-Za-zµ°]+(\^?-?\d)?|%)"
 _UNIT = re.compile(rf"^(1/)?{_NAME}(\s*[*/ ]\s*{_NAME})*$")
 _BARE_EXPONENT = re.compile(r"(?<=[A-Za-z])(-?[1-6])\b")  # "m/s2" means m/s^2

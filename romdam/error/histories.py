@@ -11,7 +11,6 @@ Another code's file states openings, open positive, and displacement relative to
 
 from __future__ import annotations
 
-import csv
 import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,8 +23,8 @@ import xarray as xr
 
 from romdam.config.quantities import to_si
 from romdam.core.arrays import Floats
+from romdam.core.csv_table import read_table
 from romdam.core.errors import ResultError
-from romdam.core.files import check_file
 from romdam.error.comparison import read_reference
 from romdam.results.dataset import open_netcdf, open_run
 
@@ -162,34 +161,17 @@ def _series(dataset: xr.Dataset, gaps: Sequence[HistoryKey]) -> Iterator[tuple[H
 
 
 def _table(path: Path) -> Histories:
-    check_file(path, _MOST, ResultError)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            head, *rows = [row for row in csv.reader(file) if row]
-    except (OSError, ValueError, csv.Error) as error:
-        raise ResultError(f"{path}: is no table in UTF-8 that begins with its head ({error})") from error
+    table = read_table(path, ResultError, most=_MOST)
     series: dict[HistoryKey, Floats] = {}
-    for name, values in zip(head, _numbers(rows, head, path).T, strict=True):
+    for name in table.names:
         key, factor = _column(name, path)
         if key in series:
             raise ResultError(f"{path}: two columns are {name.strip()!r}")
         if key:
-            series[key] = factor * values
+            series[key] = factor * table.numbers(name)
     if ("time",) not in series:
-        raise ResultError(f"{path}: no column is named time; the first row is {', '.join(head)[:200]}")
+        raise ResultError(f"{path}: no column is named time; the first row is {', '.join(table.names)[:200]}")
     return Histories(series.pop(("time",)), series)
-
-
-def _numbers(rows: Sequence[Sequence[str]], head: Sequence[str], path: Path) -> Floats:
-    table = np.empty((len(rows), len(head)))
-    for k, row in enumerate(rows):
-        try:
-            table[k] = np.array([float(cell) for cell in row]).reshape(len(head))
-        except ValueError as error:
-            raise ResultError(
-                f"{path}: row {k + 1} below the head is not {len(head)} numbers ({error})"
-            ) from error
-    return table
 
 
 def _column(name: str, path: Path) -> tuple[HistoryKey, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,6 +13,7 @@ import xarray as xr
 import romdam
 from romdam.config.load import Job
 from romdam.core.arrays import Ints
+from romdam.core.csv_table import plain_number, read_table
 from romdam.core.errors import ResultError
 from romdam.core.scene import Scene
 from romdam.postprocess.measured_modes import MeasuredMode
@@ -97,23 +97,18 @@ def read_measured(path: Path, modes: int) -> list[MeasuredMode]:
     ResultError
         where the file cannot be read, or a row is wrong.
     """
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = (line for line in file if line.strip() and not line.startswith("#"))
-            reader = csv.DictReader(lines, skipinitialspace=True)
-            rows = [(reader.line_num, row) for row in reader]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ResultError(f"{path}: cannot be read as CSV: {error}") from error
-    columns = [name.strip() for name in reader.fieldnames or ()]
-    unknown = sorted(set(columns) - set(_COLUMNS))
-    if "frequency" not in columns or unknown:
+    table = read_table(path, ResultError)
+    columns = table.names
+    if "frequency" not in columns or not {*columns} <= {*_COLUMNS}:
         raise ResultError(
             f"{path}: the first row names columns of {', '.join(_COLUMNS)}, of which frequency [Hz] is "
             f"required, got {', '.join(columns) or 'none'}; correct it"
         )
-    if not rows:
+    if not table.rows:
         raise ResultError(f"{path}: has no measured mode, at least 1 is needed; add a row for each")
-    measured = [_measured_mode(row, f"{path}: row {line}") for line, row in rows]
+    measured = [
+        _measured_mode(dict(zip(columns, row, strict=True)), table.at(k)) for k, row in enumerate(table.rows)
+    ]
     if len(measured) > modes:
         raise ResultError(
             f"{path}: has {len(measured)} measured modes, and {modes} are computed; ask for more with -n"
@@ -128,10 +123,7 @@ def read_measured(path: Path, modes: int) -> list[MeasuredMode]:
     return measured
 
 
-def _measured_mode(row: Mapping[str, str | None], location: str) -> MeasuredMode:
-    if None in row:
-        raise ResultError(f"{location} has more values than there are columns; remove some, or name them")
-    texts = {key.strip(): (value or "").strip() for key, value in row.items()}
+def _measured_mode(texts: Mapping[str, str], location: str) -> MeasuredMode:
     frequency = _number(texts["frequency"], f"{location}: frequency [Hz]", 0.0, 1e4)
     mode, direction = texts.get("mode", ""), texts.get("direction", "").lower()
     if mode and not (mode.isascii() and mode.isdecimal()):
@@ -153,11 +145,8 @@ def _measured_mode(row: Mapping[str, str | None], location: str) -> MeasuredMode
 
 
 def _number(text: str, what: str, above: float, below: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not above < value < below:
+    value = plain_number(text)
+    if value is None or not above < value < below:
         raise ResultError(f"{what} must be a number above {above:g} and below {below:g}, got {text!r}")
     return value
 

@@ -10,13 +10,13 @@ import numpy as np
 from romdam.config.quantities import to_si
 from romdam.config.sections.loads import ForceHistoryConfig
 from romdam.core.arrays import Bools, Floats
+from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError
 from romdam.core.motion import ForceSignal
 from romdam.core.scene import Block, ForceHistory
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements, area_vectors
 from romdam.geometry.meshes.kinds import facets_by_kind
-from romdam.scene.csv_table import read_columns
 from romdam.scene.select import nearest_node, select_facets
 
 _LOST = 1e-6  # of a force, that supports may take at once
@@ -64,20 +64,21 @@ def build_force_histories(
 def _table(entry: ForceHistoryConfig, folder: Path, location: str) -> tuple[Floats, Floats]:
     """Times [s] and forces [N], or pressures [Pa], of a table."""
     path = folder / entry.table
-    table = read_columns(path, ("time", "force"), location, f"one time in s and force in {entry.unit} a line")
-    time, force = table["time"], table["force"]
+    table = read_table(path, location=location)
+    columns = table.columns(("time", "force"), f"one time in s and force in {entry.unit} a line")
+    time, force = columns["time"], columns["force"]
     if len(time) < 2:
         raise ConfigError(f"{location}: {path} has {len(time)} rows, at least 2 make a history; add rows")
     if time[0] < 0.0:
         raise ConfigError(
-            f"{location}: {path} line 2: the first time is {time[0]:g} s, limit 0 s or more; "
+            f"{table.at(0)}: the first time is {time[0]:g} s, limit 0 s or more; "
             "take `start` to shift the table"
         )
     falls = np.flatnonzero(np.diff(time) <= 0.0)
     if len(falls):
         i = int(falls[0])
         raise ConfigError(
-            f"{location}: {path} line {i + 3}: the time {time[i + 1]:g} s does not rise over "
+            f"{table.at(i + 1)}: the time {time[i + 1]:g} s does not rise over "
             f"{time[i]:g} s before it; sort the rows, and give a jump two times that differ a little"
         )
     if not force.any():

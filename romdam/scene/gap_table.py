@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from romdam.core.csv_table import read_table
 from romdam.geometry.elements import Floats
 from romdam.geometry.nearest import nearest
-from romdam.scene.csv_table import read_columns
 
 _COLUMNS = ("x", "y", "z", "gap")
 _FLAT = 1e-6  # a table narrower than this share of its length is a line
@@ -25,7 +25,7 @@ def table_gap(path: Path, position: Floats, location: str) -> Floats:
     ConfigError
         for a file that cannot be read, lacks a column or a row, or holds something else than numbers.
     """
-    table = read_columns(path, _COLUMNS, location, "one point per line in m")
+    table = read_table(path, location=location).columns(_COLUMNS, "one point per line in m")
     points, gap = np.stack([table[axis] for axis in "xyz"], axis=1), table["gap"]
     at_nearest = gap[nearest(points, position)[1]]
     centre = points.mean(axis=0)

@@ -27,11 +27,11 @@ from romdam.config.sections.loads import (
     TemperatureConfig,
 )
 from romdam.core.arrays import Floats
+from romdam.core.csv_table import Table, read_table
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.nearest import nearest
-from romdam.scene.csv_table import read_columns
 from romdam.scene.select import select_facets
 from romdam.scene.thickness import Surface, share_of_thickness
 
@@ -160,31 +160,26 @@ class _Rows:
     label: str
 
 
-def _months(
-    columns: Mapping[str, Floats], month: int | None, path: Path, location: str, *, every: bool
-) -> list[_Rows]:
+def _months(columns: Mapping[str, Floats], month: int | None, table: Table, *, every: bool) -> list[_Rows]:
     """Rows of the month that a load names, or of all twelve; all rows of a table without months."""
     if "month" not in columns:
         if month is not None or every:
             why = f"month: {month} is asked for" if not every else "twelve months are needed"
-            raise ConfigError(f"{location}: {path} has no column month, and {why}; add the column, 1 to 12")
+            raise ConfigError(f"{table.where} has no column month, and {why}; add the column, 1 to 12")
         return [_Rows(columns, "")]
     numbers = columns["month"]
     if (wrong := np.flatnonzero((numbers != np.round(numbers)) | (numbers < 1) | (numbers > 12))).size:
-        raise ConfigError(
-            f"{location}: {path} line {wrong[0] + 2}: month is {numbers[wrong[0]]:g}; write 1 to 12"
-        )
+        raise ConfigError(f"{table.at(wrong[0])}: month is {numbers[wrong[0]]:g}; write 1 to 12")
     there = sorted({int(number) for number in numbers})
     if month is None:
         raise ConfigError(
-            f"{location}: {path} has months ({_numbers(there)}), and the load names none; "
-            "give `month`, 1 to 12"
+            f"{table.where} has months ({_numbers(there)}), and the load names none; give `month`, 1 to 12"
         )
     wanted = range(1, 13) if every else (month,)
     if missing := [k for k in wanted if k not in there]:
         needed = "; conduction of heat needs all twelve" if every else ""
         raise ConfigError(
-            f"{location}: {path} has no rows of month {_numbers(missing)}, only of "
+            f"{table.where} has no rows of month {_numbers(missing)}, only of "
             f"{_numbers(there)}{needed}; add them"
         )
     return [
@@ -193,14 +188,13 @@ def _months(
     ]
 
 
-def _celsius(values: Floats, unit: TemperatureUnit, path: Path, location: str) -> Floats:
+def _celsius(values: Floats, unit: TemperatureUnit, table: Table) -> Floats:
     """Temperatures [degC] of a table; those below absolute zero are refused."""
     zero, degree = CELSIUS[unit]
     celsius = zero + degree * values
     if (cold := np.flatnonzero(celsius < CELSIUS["K"][0])).size:
         raise ConfigError(
-            f"{location}: {path} line {cold[0] + 2}: {values[cold[0]]:g} {unit} is below absolute zero; is "
-            "`unit` right?"
+            f"{table.at(cold[0])}: {values[cold[0]]:g} {unit} is below absolute zero; is `unit` right?"
         )
     return celsius
 
@@ -216,11 +210,12 @@ def _of_faces(
     """Temperature of the blocks' nodes between their upstream and downstream faces, (n,) each [degC]."""
     path, sides = folder / config.table, ("upstream", "downstream")
     row = f"one elevation per line, {config.length} and {config.unit}"
-    columns = read_columns(path, ("elevation", *sides), location, row, optional="month")
+    table = read_table(path, location=location)
+    columns = table.columns(("elevation", *sides), row, optional="month")
     scale = to_si(f"1 {config.length}", "m")
-    columns |= {side: _celsius(columns[side], config.unit, path, location) for side in sides}
+    columns |= {side: _celsius(columns[side], config.unit, table) for side in sides}
     columns["elevation"] = columns["elevation"] * scale
-    months = _months(columns, month, path, location, every=config.through != "linear")
+    months = _months(columns, month, table, every=config.through != "linear")
     surfaces = {
         side: Surface.of(
             {
@@ -299,9 +294,10 @@ def _of_points(
 
     path = folder / config.table
     row = f"one point per line, {config.length} and {config.unit}"
-    columns = read_columns(path, ("x", "y", "z", "temperature"), location, row, optional="month")
-    columns["temperature"] = _celsius(columns["temperature"], config.unit, path, location)
-    (rows,) = _months(columns, month, path, location, every=False)
+    table = read_table(path, location=location)
+    columns = table.columns(("x", "y", "z", "temperature"), row, optional="month")
+    columns["temperature"] = _celsius(columns["temperature"], config.unit, table)
+    (rows,) = _months(columns, month, table, every=False)
     points = np.stack([rows.columns[axis] for axis in "xyz"], axis=1) * to_si(f"1 {config.length}", "m")
     values = rows.columns["temperature"]
     _, first, again = np.unique(points, axis=0, return_index=True, return_inverse=True)
@@ -350,9 +346,10 @@ def _of_nodes(
 ) -> dict[str, Floats]:
     """Temperature of the blocks' nodes by their numbers in the mesh file [degC]."""
     path = files.folder / config.table
-    columns = read_columns(path, ("node", "temperature"), location, "one node per line", optional="month")
-    columns["temperature"] = _celsius(columns["temperature"], config.unit, path, location)
-    (rows,) = _months(columns, month, path, location, every=False)
+    table = read_table(path, location=location)
+    columns = table.columns(("node", "temperature"), "one node per line", optional="month")
+    columns["temperature"] = _celsius(columns["temperature"], config.unit, table)
+    (rows,) = _months(columns, month, table, every=False)
     listed_nodes, values = rows.columns["node"], rows.columns["temperature"]
     order = np.argsort(listed_nodes, kind="stable")
     listed_nodes, values = listed_nodes[order], values[order]

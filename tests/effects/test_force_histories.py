@@ -367,7 +367,7 @@ REFUSED = {
     "a time before": ({}, "time,force\n-1,0\n1,5\n", "line 2: the first time is -1 s, limit 0 s"),
     "one row": ({}, "time,force\n0,0\n", "has 1 rows, at least 2"),
     "no force": ({}, "time,force\n0,0\n1,0\n", "no force but zero"),
-    "no number": ({}, "time,force\n0,0\n1,x\n", "line 3: expected two finite numbers"),
+    "no number": ({}, "time,force\n0,0\n1,x\n", "line 3: force must be a finite number"),
     "no column": ({}, "t,force\n0,0\n1,1\n", "lacks column time"),
     "no node": ({"at": [9, 9, 9]}, GOOD, r"force_history\[0\].at: no node of block 'left' within 0.001 m"),
     "no face": ({"at": None, "face": "crest"}, GOOD, "block 'left' has no face 'crest'"),

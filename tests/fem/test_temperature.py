@@ -328,7 +328,7 @@ POINTS = {"points": {"table": "t.csv", "unit": "degC"}, "reference": "8 degC"}
     [
         ("elevation,upstream,downstream\n0,1,2\n12,1,2\n", faces(), r"elevations 0 to 12 m, and \d+ of"),
         ("elevation,upstream,downstream\n0,1,2\n9,1,2\n9,1,2\n20,1,1", faces(), "9 m stands beside 9 m"),
-        ("elevation,upstream,downstream\n0,1,2\n20,nan,2\n", faces(), "line 3: expected three finite"),
+        ("elevation,upstream,downstream\n0,1,2\n20,nan,2\n", faces(), "line 3: upstream must be a"),
         ("elevation,upstream,downstream\n0,1,2\n20,-300,2\n", faces(), "line 3: -300 degC is below absolute"),
         ("elevation,upstream\n0,1\n", faces(), "lacks column downstream"),
         (ACROSS, faces() | {"month": 3}, "no column month, and month: 3 is asked for"),

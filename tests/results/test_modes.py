@@ -98,7 +98,7 @@ def test_partners_are_the_nearest_each_once():
         ("", "frequency \\[Hz\\] is required, got none"),
         ("frequency\n", "has no measured mode"),
         ("freq\n2\n", "got freq"),
-        ("frequency\ntwo\n", "row 2: frequency \\[Hz\\] must be a number above 0"),
+        ("frequency\ntwo\n", "line 2: frequency \\[Hz\\] must be a number above 0"),
         ("frequency\n2 Hz\n", "got '2 Hz'"),
         ("frequency\nnan\n", "got 'nan'"),
         ("frequency\n1\n2\n3\n", "has 3 measured modes, and 2 are computed"),
@@ -107,7 +107,7 @@ def test_partners_are_the_nearest_each_once():
         ("frequency,mode\n1,one\n", "mode is a whole number from 1, got 'one'"),
         ("frequency,direction\n1,up\n", "direction is x, y or z, got 'up'"),
         ("frequency,damping\n1,5\n", "damping ratio must be a number above 0 and below 1, got '5'"),
-        ("frequency,name\n1,a,b\n", "row 2 has more values than there are columns"),
+        ("frequency,name\n1,a,b\n", "line 2: has 3 values for 2 columns"),
     ],
 )
 def test_wrong_files_of_measured_modes(tmp_path, text, complaint):

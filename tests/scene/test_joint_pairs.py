@@ -193,8 +193,8 @@ def test_gap_table_along_a_line(make, tmp_path):
             "gap.csv lacks column gap; its first line must be x,y,z,gap, then one point per line",
         ),
         ("x,y,z,gap\n", "gap.csv has no rows"),
-        ("x,y,z,gap\n0,0,0,nan\n", "line 2: expected four finite numbers x,y,z,gap, got '0,0,0,nan'"),
-        ("x,y,z,gap\n0,0,0,1\n0,0,1\n", "line 3: expected four finite numbers x,y,z,gap, got '0,0,1,None'"),
+        ("x,y,z,gap\n0,0,0,nan\n", "line 2: gap must be a finite number such as -1.5e3, got 'nan'"),
+        ("x,y,z,gap\n0,0,0,1\n0,0,1\n", "line 3: has 3 values for 4 columns ('0,0,1')"),
         (None, "gap.csv cannot be read"),
     ],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -11,6 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from romdam.core.arrays import Floats, Ints
+from romdam.core.csv_table import Table, read_table
 from romdam.core.errors import MeshError, quote
 from romdam.core.files import file_text
 from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Entries, Unknowns, motion_of
@@ -18,6 +18,7 @@ from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Entries, Unknown
 _MARK = b"%%MatrixMarket"
 _COMMENTS = ("*", "%", "#")
 _WHOLE = 2.0**53
+_MOST = 4e9  # bytes of a table
 
 
 def is_matrix_market(path: Path) -> bool:
@@ -117,7 +118,7 @@ def read_csv(path: Path, location: str) -> Unknowns:
     """Read node, direction and, where they are there, x, y, z; named in the first line."""
     table = _Table.read(path, ("node", "direction"), location)
     named = {name: k for k, name in enumerate(DIRECTIONS)} | {str(k + 1): k for k in range(6)}
-    words = [row["direction"].strip().lower() for row in table.rows]
+    words = [word.lower() for word in table.table.texts(table.columns["direction"])]
     wrong = [word for word in words if word not in named]
     if wrong:
         raise MeshError(
@@ -136,43 +137,33 @@ def read_nodes(path: Path, location: str) -> tuple[Ints, Floats]:
 
 @dataclass(frozen=True)
 class _Table:
-    """Rows of a CSV file by the column's name in small letters; `location` is file and key, for messages."""
+    """A table by the columns' names in small letters; `location` is file and key, for messages."""
 
-    rows: list[dict[str, str]]
+    table: Table
+    columns: dict[str, str]
     location: str
 
     @classmethod
     def read(cls, path: Path, needed: tuple[str, ...], location: str) -> Self:
         """Read a table that has the needed columns."""
-        table = csv.DictReader(file_text(path).split("\n"))
-        try:
-            rows = [{k.strip().lower(): v or "" for k, v in row.items() if k} for row in table]
-        except (csv.Error, AttributeError) as error:
-            raise MeshError(f"{location}: is no table ({error})") from None
-        lost = [name for name in needed if not rows or name not in rows[0]]
+        table = read_table(path, MeshError, location=location.removesuffix(f": {path}"), most=_MOST)
+        columns = {name.lower(): name for name in table.names}
+        lost = [name for name in needed if not table.rows or name not in columns]
         if lost:
             raise MeshError(
                 f"{location}: has no rows with a column {lost[0]!r}; its first line must name "
                 f"{', '.join(needed)}"
             )
-        return cls(rows, location)
+        if len(columns) < len(table.names):
+            raise MeshError(f"{location}: has a column twice, in capitals and small letters; leave one")
+        return cls(table, columns, location)
 
     def nodes(self) -> Ints:
         """Numbers of nodes (n,)."""
-        return _whole(self._floats("node"), self.location)
+        return _whole(self.table.numbers(self.columns["node"]), self.location)
 
     def positions(self) -> Floats:
         """Coordinates (n, 3) as the file has them; NaN where it has none."""
-        if not all(name in self.rows[0] for name in "xyz"):
-            return np.full((len(self.rows), 3), np.nan)
-        return np.stack([self._floats(name) for name in "xyz"], axis=1)
-
-    def _floats(self, column: str) -> Floats:
-        """Numbers of a column (n,); an empty coordinate is NaN."""
-        empty = "nan" if column in "xyz" else ""
-        try:
-            return np.array([float(row[column] or empty) for row in self.rows])
-        except ValueError as error:
-            raise MeshError(
-                f"{self.location}: holds what is no number ({quote(str(error))}); write it anew"
-            ) from None
+        if not all(name in self.columns for name in "xyz"):
+            return np.full((len(self.table.rows), 3), np.nan)
+        return np.stack([self.table.numbers(self.columns[name], empty=np.nan) for name in "xyz"], axis=1)

@@ -7,7 +7,6 @@ ASCE/SEI 7-16 (2017), Minimum design loads, 11.4.6. EN 1998-1:2004, Eurocode 8, 
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 
 from romdam.config.sections.motions.records import unit_in_si
 from romdam.config.sections.motions.target import MOST_POINTS, SpectrumConfig, TargetConfig
+from romdam.core.csv_table import plain_number, read_cells
 from romdam.core.errors import ConfigError
-from romdam.core.files import check_file
 
 Array = NDArray[np.float64]
 PER_DECADE = 150  # periods that count, evenly in the logarithm
@@ -130,24 +129,17 @@ def evaluate(
 
 def _read_table(path: Path, unit: float) -> Array:
     """(n, 2) periods [s] and spectral accelerations [m/s2] of a CSV file; a first line may be a heading."""
-    check_file(path, _MOST_BYTES, ConfigError)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = [[cell.strip() for cell in row] for row in csv.reader(file, strict=True)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a spectrum ({error})") from None
     points = []
-    for number, row in enumerate(lines, start=1):
-        is_heading = number == 1 and bool(row) and not any(character.isdigit() for character in row[0])
-        if not any(row) or row[0].startswith("#") or is_heading:
-            continue
-        try:
-            period, sa = map(float, row)
-        except ValueError:
+    for k, (number, row) in enumerate(read_cells(path, most=_MOST_BYTES)):
+        if k == 0 and not any(character.isdigit() for character in row[0]):
+            continue  # the heading
+        values = [plain_number(text) for text in (row if any(row[2:]) else row[:2])]
+        if len(values) != 2 or values[0] is None or values[1] is None:
             raise ConfigError(
                 f"{path}: line {number}: expected a period in s and a spectral acceleration, separated by a "
                 f"comma, got {','.join(row)[:60]!r}"
-            ) from None
+            )
+        period, sa = values[0], values[1]
         if not (0.0 <= period < np.inf and 0.0 < sa < np.inf):
             raise ConfigError(f"{path}: line {number}: period and spectral acceleration must be positive")
         if period > 0.0:

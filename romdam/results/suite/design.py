@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,8 +21,8 @@ from romdam.config.sections.suite import (
     SuiteConfig,
 )
 from romdam.core.arrays import Floats
+from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError, RecordError, quote
-from romdam.core.files import check_file
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
@@ -261,38 +260,22 @@ def _score_correlations(suite: SuiteConfig, marginals: Mapping[str, Marginal], s
 
 def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
     """Read the samples of a table: a line of names, then a line for each sample."""
-    check_file(path, _MOST_TABLE, ConfigError)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, skipinitialspace=True, strict=True)
-            lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a table of samples ({error})") from None
-    if len(lines) < 2:
+    table = read_table(path, most=_MOST_TABLE)
+    if not table.rows:
         raise ConfigError(f"{path}: holds no samples; expected a line of names, then a line for each sample")
-    if len(lines) > MOST_RUNS + 1:
-        raise ConfigError(f"{path}: holds {len(lines) - 1} samples, limit {MOST_RUNS}; split the table")
-    columns = lines[0][1]
-    if sorted(columns) != sorted(places):
+    if len(table.rows) > MOST_RUNS:
+        raise ConfigError(f"{path}: holds {len(table.rows)} samples, limit {MOST_RUNS}; split the table")
+    if {*table.names} != {*places}:
         raise ConfigError(
-            f"{path}: has the columns {quote(', '.join(columns))}, expected one for each parameter, once: "
+            f"{path}: has the columns {quote(', '.join(table.names))}, expected one for each parameter: "
             f"{', '.join(places)}"
         )
-    for number, cells in lines[1:]:
-        if len(cells) != len(columns):
-            raise ConfigError(
-                f"{path}: line {number}: has {len(cells)} values for {len(columns)} columns; separate them "
-                "by commas, and write numbers with a decimal point"
-            )
     values = {}
     for name, key in places.items():
-        at = columns.index(name)
-        for number, cells in lines[1:]:
-            if not cells[at]:
-                raise ConfigError(f"{path}: line {number}: no value for {name}")
-        values[name] = np.array(
-            [si_value(key, cells[at], name, f"{path}: line {number}") for number, cells in lines[1:]]
-        )
+        texts = table.texts(name)
+        if "" in texts:
+            raise ConfigError(f"{table.at(texts.index(''))}: no value for {name}")
+        values[name] = np.array([si_value(key, text, name, table.at(k)) for k, text in enumerate(texts)])
     return values
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
 import math
 from dataclasses import dataclass
@@ -12,8 +11,8 @@ import numpy as np
 
 from romdam.config.quantities import refuse_bare, to_si
 from romdam.config.sections.suite import HazardConfig
+from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError, listed, quote
-from romdam.core.files import check_file
 from romdam.postprocess.hazard import HazardCurve
 from romdam.results.suite.rows import ROWS
 
@@ -80,14 +79,8 @@ def read_hazard(path: Path, units: str) -> HazardCurve:
     ConfigError
         for a file that is no such table, a unit of another kind, and rows that are not monotonic.
     """
-    check_file(path, _MOST, ConfigError)
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, skipinitialspace=True, strict=True)
-            lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a hazard curve ({error})") from None
-    head = lines[0][1] if lines else []
+    table = read_table(path, most=_MOST)
+    head = table.names
     named = len(head) == 2 and head[0].startswith("intensity [") and head[0].endswith("]")
     if not named or head[1] != "annual frequency":
         raise ConfigError(
@@ -96,21 +89,18 @@ def read_hazard(path: Path, units: str) -> HazardCurve:
         )
     unit = head[0].removeprefix("intensity [").removesuffix("]")
     rows = list[tuple[float, float]]()
-    for number, cells in lines[1:]:
+    for k, (x, frequency) in enumerate(zip(*(table.numbers(name) for name in head), strict=True)):
+        cells = table.rows[k]
         try:
-            x, frequency = to_si(f"{float(cells[0])!r} {unit}", units), float(cells[1])
-        except (ValueError, IndexError) as error:
-            raise ConfigError(
-                f"{path}: line {number}: must be an intensity in {unit} and a frequency ({error})"
-            ) from None
-        if len(cells) != 2 or not (0.0 < x < math.inf and 0.0 < frequency < math.inf):
-            raise ConfigError(
-                f"{path}: line {number}: must be two numbers above 0, got {quote(', '.join(cells))}"
-            )
+            x = to_si(f"{float(x)!r} {unit}", units)
+        except ValueError as error:
+            raise ConfigError(f"{table.at(k)}: must be an intensity in {unit} ({error})") from None
+        if not (0.0 < x < math.inf and frequency > 0.0):
+            raise ConfigError(f"{table.at(k)}: must be two numbers above 0, got {quote(', '.join(cells))}")
         if rows and not (x > rows[-1][0] and frequency < rows[-1][1]):
             raise ConfigError(
-                f"{path}: line {number}: intensities must rise and frequencies fall, got {cells[0]} and "
-                f"{cells[1]} after {lines[len(rows)][1][0]} and {lines[len(rows)][1][1]}; sort the table, or "
+                f"{table.at(k)}: intensities must rise and frequencies fall, got {cells[0]} and "
+                f"{cells[1]} after {table.rows[k - 1][0]} and {table.rows[k - 1][1]}; sort the table, or "
                 "correct the row"
             )
         rows.append((x, frequency))

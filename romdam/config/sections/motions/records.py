@@ -6,7 +6,6 @@ P-695 set); what follows the source (axes, correction, scaling, ...) applies to 
 
 from __future__ import annotations
 
-import csv
 import difflib
 import re
 from pathlib import Path
@@ -30,8 +29,8 @@ from romdam.config.quantities import (
 from romdam.config.sections.motions.correction import Correction
 from romdam.config.sections.motions.target import MatchConfig, Of, TargetConfig
 from romdam.config.yaml_text import read_yaml
+from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError, listed, quote
-from romdam.core.files import check_file
 
 Axis = Literal["x", "y", "z"]
 _SIGNS = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank", ".": "point"}
@@ -425,8 +424,5 @@ def manifest_rows(path: Path) -> list[object]:
 
 
 def _csv_rows(path: Path) -> list[object]:
-    check_file(path, MOST_BYTES, ConfigError)
-    try:
-        return list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as a manifest ({error})") from None
+    table = read_table(path, most=MOST_BYTES)
+    return [dict(zip(table.names, row, strict=True)) for row in table.rows]
