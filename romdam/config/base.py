@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from types import UnionType
+from typing import ClassVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Discriminator
 
@@ -25,6 +26,31 @@ def shape(value: object) -> str:
     if isinstance(value, dict | BaseModel):
         return "mapping"
     return "list" if isinstance(value, list | tuple) else "number"
+
+
+def by_key(expected: str, branches: type[BaseModel] | UnionType, *words: str) -> Discriminator:
+    """Choose a union's branch by the first key of its mapping, so that a mistake has one message.
+
+    Each branch has the name of its model as its tag.
+
+    Parameters
+    ----------
+    expected : what may stand there, for the message when no branch fits, or several do
+    branches : models, of each of which the first key says that it is meant
+    words : texts that are values of their own
+    """
+    models = get_args(branches)
+    first = {next(iter(model.model_fields)): model.__name__ for model in models}
+
+    def choose(value: object) -> str | None:
+        if isinstance(value, BaseModel):
+            return type(value).__name__
+        if isinstance(value, dict):
+            meant = [name for key, name in first.items() if key in value]
+            return meant[0] if len(meant) == 1 else None
+        return "word" if isinstance(value, str) and value in words else None
+
+    return Discriminator(choose, custom_error_type="shape", custom_error_message=f"expected {expected}")
 
 
 def by_shape(expected: str, *words: str) -> Discriminator:

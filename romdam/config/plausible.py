@@ -21,6 +21,7 @@ from romdam.config.sections.joint_laws import LawSection
 from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.loads import ForceConfig, HydrostaticConfig, PressureConfig, TemperatureConfig
+from romdam.config.sections.motion_along import IncoherenceConfig, MotionAlongConfig, StationConfig
 from romdam.config.sections.motions.correction import CornersStep
 from romdam.config.sections.motions.records import RecordConfig, ScaleConfig, unit_in_si
 from romdam.config.sections.stress import StressConfig
@@ -96,6 +97,14 @@ _USUAL: dict[type[BaseModel], dict[str, Range]] = {
         "sa": (0.02, 60.0, "m/s2", "the strongest ground motions have 1 to 5 g"),
         "period": (0.02, 10.0, "s", "dams have 0.1 to 1 s"),
         "damping": _RATIO,
+    },
+    MotionAlongConfig: {
+        "velocity": (100.0, 2e4, "m/s", "waves pass rock at 1000 to 5000 m/s"),
+        "cutoff": (5.0, 100.0, "Hz", "joints and dams answer little above 25 Hz"),
+    },
+    StationConfig: {"delay": (0.0, 10.0, "s", "waves pass a dam in less than a second")},
+    IncoherenceConfig: {
+        "shear_velocity": (100.0, 5000.0, "m/s", "rock has 500 to 3500 m/s"),
     },
     IntensityConfig: {
         "values": (0.02, 60.0, "m/s2", "the strongest ground motions have 1 to 5 g"),

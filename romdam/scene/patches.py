@@ -26,6 +26,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
+from romdam.core.machine import memory_limit
 from romdam.core.scene import Joint
 from romdam.scene.mortar.surface import Surface
 
@@ -42,6 +43,8 @@ _ON_EDGE = 1e-9  # share of a triangle's corner, below which a place may be in t
 _ON_CIRCLE = 1e-6  # angle by which four points may be off a circle [rad]
 _SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is none
 _CHUNK = 4_000_000  # numbers at a time
+_FINEST = 100.0  # spacings between two nodes, beyond which nothing can be meant by one
+_DENSE = 3  # matrices of all nodes by all contact points at a time
 
 
 def coarsen_gaps(
@@ -76,11 +79,24 @@ def coarsen_gaps(
             f"limit {_STEEPEST:g} degrees, so that contact points between its nodes have no plane to stand "
             "in; leave spacing out, and every node has a gap"
         )
+    distance = float(np.sqrt(joint.whole_area.sum() / len(joint.area)))
+    if spacing < distance / _FINEST:
+        raise ConfigError(
+            f"{location}.spacing: {spacing:g} m is {spacing / distance:.3g} of the distance of the nodes, "
+            f"{distance:.3g} m, limit {1.0 / _FINEST:g} of it; leave it out, and every node has a gap"
+        )
     flat = (joint.position - joint.position.mean(axis=0)) @ along.T
     seen = (origin - joint.position.mean(axis=0)) @ along.T
     points = _contact_points(flat, _outline(surface, joint.corner), spacing, seen)
     if len(points) == len(flat):
         return joint
+    size = 8.0 * _DENSE * len(flat) * len(points)
+    if size > memory_limit(None):
+        raise ConfigError(
+            f"{location}.spacing: {len(points)} gaps for {len(flat)} nodes take {size / 1e9:.3g} GB, and "
+            f"{memory_limit(None) / 1e9:.3g} GB are there; give a larger spacing, or leave it out, and every "
+            "node has a gap"
+        )
     hats = _hats(flat[points], flat)
     lumped = np.zeros((0, 0)) if hats is None else joint.area[:, None] * hats
     area = lumped.sum(axis=0)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scene_builders import two_boxes
 
 from romdam.config import load_config, parse_config
 from romdam.core.errors import ConfigError
@@ -237,3 +238,26 @@ def test_the_model_of_the_water_is_not_that_of_the_job():
     assert "water.model is missing and has no default; add it, for example `model: incompressible`" in str(
         caught.value
     )
+
+
+@pytest.mark.parametrize(
+    ("design", "messages"),
+    [
+        ({"sobol_indices": 100}, ["`sobol_indices` is a power of 2"]),
+        ({"latin_hypercube": 8, "sead": 2}, ["suite.design.sead is not a known key; did you mean 'seed'?"]),
+        ({"monte_carlo": 0}, ["suite.design.monte_carlo must be at least 1, got 0"]),
+        ({"table": 3}, ["suite.design.table must be the path of a file, got 3"]),
+        ({"sobol_indices": 64, "latin_hypercube": 3}, ['suite.design: expected one of "grid", {latin_hyp']),
+        ({"sobol": 64}, ['suite.design: expected one of "grid", {latin_hypercube: 100']),
+        ("gird", ['suite.design: expected one of "grid", {latin_hypercube: 100']),
+    ],
+)
+def test_a_design_is_answered_by_its_own_keys_alone(design, messages):
+    parameters = {"mu": {"path": "joints.contact.friction", "low": 0.1, "high": 0.2}}
+    raw = two_boxes() | {"suite": {"parameters": parameters, "design": design}}
+    with pytest.raises(ConfigError) as refused:
+        parse_config(raw, "s.yaml")
+    lines = [line for line in str(refused.value).splitlines() if "suite" in line]
+    assert len(lines) == len(messages)
+    for line, message in zip(lines, messages, strict=True):
+        assert message in line

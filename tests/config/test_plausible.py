@@ -35,6 +35,16 @@ def put(*changes):
         (("transient", "finest_step"), "0.5 s", ["transient.finest_step: 0.5 s"]),
         (("model", "memory"), 8, ["model.memory: 8 bytes", "8 GB"]),
         (("suite",), {"scales": [50]}, ["suite.scales[0]: 50"]),
+        (
+            ("ground",),
+            {"along": {"axis": "x", "velocity": "1e-9 m/s"}},
+            ["ground.along.velocity: 1e-09 m/s is unusual", "1000 to 5000 m/s"],
+        ),
+        (
+            ("ground",),
+            {"along": {"axis": "x", "incoherence": {"shear_velocity": "2 km/h"}}},
+            ["ground.along.incoherence.shear_velocity: 0.555556 m/s is unusual"],
+        ),
         (("loads", "weight"), "staged", ["loads.weight: staged does nothing"]),
         (("model", "order"), "full", ["model.modes: does nothing at full order"]),
     ],

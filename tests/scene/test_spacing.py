@@ -64,6 +64,15 @@ def pair(request, make):
     return make(floating_pair(**keys)), make(floating_pair(**keys, spacing=spacing)), spacing
 
 
+@pytest.mark.parametrize("spacing", ["1e-9 m", "5 mm"])
+def test_a_spacing_far_below_the_distance_of_the_nodes_is_refused(make, spacing):
+    """15 or 20 x 7 nodes share 4 m x 12 m: nodes are about 0.86 m apart, so 8.6 mm is the least."""
+    with pytest.raises(
+        ConfigError, match=r"joints.c.spacing: .* of the distance of the nodes, 0.\d+ m, limit"
+    ):
+        make(floating_pair(spacing=spacing))
+
+
 def forces_on(scene, pressure):
     """Forces on the nodes of the right block (nodes, 3) of a contact force on every gap."""
     joint = scene.joints["c"]

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag, model_validator
 
-from romdam.config.base import Model, by_shape
+from romdam.config.base import Model, by_key, by_shape
 from romdam.config.quantities import Dimensionless, GroundAcceleration, NumberOrText, Time, Whole
 from romdam.config.sections.motions.target import Of
 from romdam.core.errors import quote
@@ -130,6 +130,10 @@ class LatinHypercubeConfig(Model):
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     """Seed of the random numbers."""
 
+    def samples(self, parameters: int) -> int:
+        """Count the samples for so many parameters."""
+        return self.latin_hypercube
+
 
 class MonteCarloConfig(Model):
     """So many independent samples."""
@@ -139,6 +143,10 @@ class MonteCarloConfig(Model):
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     """Seed of the random numbers."""
 
+    def samples(self, parameters: int) -> int:
+        """Count the samples for so many parameters."""
+        return self.monte_carlo
+
 
 class SobolIndicesConfig(Model):
     """Samples that Sobol' indices are computed from: n (k + 2) of them for k parameters."""
@@ -147,6 +155,10 @@ class SobolIndicesConfig(Model):
     """Number n of base samples, a power of 2."""
     seed: Annotated[Whole, Field(ge=0, lt=2**63)] = 1
     """Seed of the random numbers."""
+
+    def samples(self, parameters: int) -> int:
+        """Count the samples for so many parameters."""
+        return self.sobol_indices * (parameters + 2)
 
     @model_validator(mode="after")
     def _power_of_two(self) -> Self:
@@ -252,10 +264,15 @@ class SuiteConfig(Model):
         default_factory=dict
     )
     design: Annotated[
-        Annotated[Literal["grid"], Tag("word")] | Annotated[RandomDesign | DesignTableConfig, Tag("mapping")],
-        by_shape(
-            '"grid", {latin_hypercube: 100, seed: 1}, {monte_carlo: 1000, seed: 1}, '
-            "{sobol_indices: 256, seed: 1}, or {table: samples.csv}",
+        Annotated[Literal["grid"], Tag("word")]
+        | Annotated[LatinHypercubeConfig, Tag("LatinHypercubeConfig")]
+        | Annotated[MonteCarloConfig, Tag("MonteCarloConfig")]
+        | Annotated[SobolIndicesConfig, Tag("SobolIndicesConfig")]
+        | Annotated[DesignTableConfig, Tag("DesignTableConfig")],
+        by_key(
+            'one of "grid", {latin_hypercube: 100, seed: 1}, {monte_carlo: 1000, seed: 1}, '
+            "{sobol_indices: 256, seed: 1} and {table: samples.csv}",
+            RandomDesign | DesignTableConfig,
             "grid",
         ),
     ] = "grid"
@@ -330,9 +347,9 @@ class SuiteConfig(Model):
         levels = [
             len(parameter.values or ()) or parameter.count or 1 for parameter in self.parameters.values()
         ]
-        samples = math.prod(levels) if self.design == "grid" else 1
-        if isinstance(self.design, SobolIndicesConfig):
-            samples = self.design.sobol_indices * (len(self.parameters) + 2)
+        samples = math.prod(levels)
+        if self.design != "grid":
+            samples = 1 if isinstance(self.design, DesignTableConfig) else self.design.samples(len(levels))
         if scales * samples > MOST_RUNS:
             raise ValueError(
                 f"{scales} scales of {samples:.6g} samples are {scales * samples:.3g} runs of every record, "
