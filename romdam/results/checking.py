@@ -29,7 +29,13 @@ _OPTIONAL_TEXTS = (
     "error_estimate", "error_not_included",
     "certificate_statement", "discretisation_statement", "code_sha256", "scene_sha256", "record_sha256",
 )  # fmt: skip
-_TIMINGS = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_")
+# attributes that are numbers by the beginnings and the ends of their names
+_NUMBERED = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_", "entry_factor_")
+_ERRORS = ("_l2", "_peak")
+# attributes that hold JSON, where they are there: lists of texts, and objects
+_LISTS = ("run_warnings", "configuration_doubts", "record_warnings", "rock_blocks")
+_OBJECTS = ("record_provenance", "discretisation", "verification", "certificate")
+_MESH = ("mesh", "opening_error", "unknowns", "gaps", "cpu_seconds", "chosen")  # of each that was tried
 _WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")
 # what files of before lack: forces, which a certificate needs, and says so, and a mean that only tables tell
 _LATER = ("normal_force", "shear_force", "mean_", "peak_mean_")
@@ -177,16 +183,12 @@ def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
         if not (isinstance(value, int | float | np.number) and math.isfinite(float(value))):
             yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
     for name, value in attrs.items():
-        if str(name).startswith(_TIMINGS) and not isinstance(value, int | float | np.number):
+        numbered = str(name).startswith(_NUMBERED) or str(name).endswith(_ERRORS)
+        if numbered and not isinstance(value, int | float | np.number):
             yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+    yield from _json_flaws(attrs)
     if attrs["model_order"] not in ("reduced", "full"):
         yield f"its attribute model_order must be reduced or full, got {_got(attrs, 'model_order')}"
-    try:
-        configuration = json.loads(str(attrs["configuration"]))
-    except (ValueError, RecursionError):
-        configuration = None
-    if not isinstance(configuration, dict):
-        yield "its attribute configuration is no JSON object"
 
     for name, variable in _KNOWN.items():
         if name in dataset.variables:
@@ -207,8 +209,29 @@ def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
         yield "its times do not increase"
     if "joint" in dataset and not {*dataset.gap_joint.values.tolist()} <= {*dataset.joint.values.tolist()}:
         yield "gap_joint names a joint that is not there"
+    if "gap_area" in dataset and not (dataset.gap_area.values > 0.0).all():
+        yield f"gap_area must be above 0 m2, got {float(dataset.gap_area.min()):g}"
     if dataset.component.values.tolist() != ["x", "y", "z"]:
         yield "its components are not x, y, z"
+
+
+def _json_flaws(attrs: Mapping[Any, object]) -> Iterator[str]:
+    """Say which attributes hold no JSON of the kind that they must."""
+    for name in (*_LISTS, *_OBJECTS, "configuration"):
+        if name not in attrs:
+            continue
+        try:
+            value = json.loads(str(attrs[name]))
+        except (ValueError, RecursionError):
+            value = None
+        if name not in _LISTS and not isinstance(value, dict):
+            yield f"its attribute {name} must be a JSON object, got {_got(attrs, name)}"
+        if name in _LISTS and not (isinstance(value, list) and all(isinstance(text, str) for text in value)):
+            yield f"its attribute {name} must be a JSON list of texts, got {_got(attrs, name)}"
+        meshes = value.get("meshes", []) if isinstance(value, dict) and name == "discretisation" else []
+        tried = meshes if isinstance(meshes, list) else [meshes]
+        if not all(isinstance(mesh, dict) and {*_MESH} <= {*mesh} for mesh in tried):
+            yield f"its attribute {name} must state {', '.join(_MESH)} of each of its `meshes`"
 
 
 def _got(attrs: Mapping[Any, object], name: str) -> str:
