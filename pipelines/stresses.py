@@ -83,7 +83,7 @@ def stress_of(
         source = StressHistory.observed(history.disp[:, probes:end], nodes, offset)
         forces = history.disp[:, end:].reshape(len(history.time), -1, 6)
         source = replace(source, sections=forces + sum(initial_forces(scene).values()))
-        motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc")}
+        motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc", "node_peaks")}
         history = replace(history, **motion)
     if scene.stress.sections and scene.joints:
         operator = gap_section_operator(scene, history.traction.shape[2])

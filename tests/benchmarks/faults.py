@@ -669,19 +669,11 @@ _FAULTS = [
             "along = position @ (-shear / size if on_J else shear / size)",
             "along = position @ (shear / size if on_J else -shear / size)",
         ),
-        (
-            "normal = area @ gaps.gap_normal.values / area.sum()",
-            "normal = gaps.gap_normal.values.mean(axis=0)",
-        ),
         ("return float(np.average(values, weights=weights))", "return float(np.average(values))"),
         ("1.0 if blocks[name][1] in group else -1.0", "1.0 if blocks[name][0] in group else 1.0"),
         (
             "strength += float(of_joint.joint_shear_strength.values.min())",
             "strength += float(of_joint.joint_shear_strength.values.max())",
-        ),
-        (
-            "water = water + gaps.crack_water_force.values @ gaps.gap_normal.values",
-            "water = water - gaps.crack_water_force.values @ gaps.gap_normal.values",
         ),
     ),
     *_in("postprocess/floor_spectra.py", _POSTPROCESS, ("right[-1] -= slopes[-1]", "right[-1] -= slopes[0]")),
@@ -732,7 +724,6 @@ _FAULTS = [
             "left = max(joint.residual_slip for joint in slides)",
             "left = min(joint.residual_slip for joint in slides)",
         ),
-        ("least = min((joint.factor for joint", "least = max((joint.factor for joint"),
         (
             "worst = float(dataset.face_principal_stress.sel(area_percentile=HEADLINE).max())",
             "worst = float(dataset.face_principal_stress.sel(area_percentile=HEADLINE).mean())",
@@ -767,7 +758,7 @@ _FAULTS = [
     *_in(
         "visual/report/sections.py",
         ("tests/suite/test_report.py", "-k", "numbers_on or unlike"),
-        ("over = int((error > asked).sum())", "over = int((error < asked).sum())"),
+        ("error.tolist()].count(MISSED)", "error.tolist()].count(MISSED) + 1"),
         (
             "area = float(summary.gap_area.values[chosen].sum())",
             "area = float(summary.gap_area.values[chosen].mean())",

@@ -384,7 +384,9 @@ def test_what_cannot_stand_alone_is_said(tmp_path, caplog):
     assert not (tmp_path / "rock_1.h5").exists() and (tmp_path / "monolith_1.h5").exists()
     config = raw()
     config["supports"][1]["motion"] = {"factor": 0.5}
-    with pytest.raises(ConfigError, match="supports of their own motion, or forces that vary"):
+    with pytest.raises(
+        ConfigError, match=r"supports\[\]\.motion, or ground\.along, is not written as matrices"
+    ):
         exported(built(config), tmp_path)
 
 

@@ -205,11 +205,10 @@ def two_joints_on_rock():
         "shear_force": (("time", "gap", "tangent"), shear[None]),
         "joint_state": (over_gap, [[0, 1, 1, 1, 1]]),
         "slip": (("time", "gap", "tangent"), slip[None]),
-        "crack_water_force": (over_gap, [[5e5, 0.0, 0.0, 0.0, 0.0]]),
         "sliding_safety_factor": (over_joint, [[1.5, 2.5, np.nan]]),
         "joint_shear_strength": (("time", "joint", "tangent"), [[[9e6, 12e6], [8e6, 7e6], [1e6, 1e6]]]),
         "bonded_area": (over_joint, [[1.0, 3.0, 0.0]]),
-        "water_force": (("joint", "component"), [[0.0, 0.0, 1e6], [0.0, 0.0, 2e6], [0.0, 0.0, 0.0]]),
+        "joint_water_force": ((*over_joint, "component"), [[[3e5, 0, 1.4e6], [0, 0, 2e6], [0, 0, 0]]]),
     }
     coords = {
         "time": [0.0],
@@ -237,11 +236,13 @@ def test_stability_of_joints_and_of_what_slides_as_one():
     foot, side, both = judged["foot"], judged["side"], judged["foot + side"]
     assert (foot.shear, foot.compression) == (6e6, 8e6) and foot.verdict == "not stable"
     assert foot.resultant == pytest.approx((6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
-    assert foot.toe_pressure == pytest.approx(2e6 / 3.0)
+    assert foot.toe_pressure == pytest.approx(
+        8e6 / 12.0 * (1.0 + 6.0 * (14.0 / 32.0 - 0.5))
+    )  # N/A (1 + 6 e/L)
     assert foot.open_share == pytest.approx(8.0 / 12.0) and foot.cracked_length == pytest.approx(
         4.0 * 8.0 / 12.0
     )
-    assert foot.water == pytest.approx(1e6 * np.linalg.norm([0.5 * 0.6, 0.0, 1.0 + 0.5 * 0.8]))
+    assert foot.water == pytest.approx(1e6 * np.hypot(0.3, 1.4))
     assert foot.slip == pytest.approx((8.0 * 2e-3 + 3.0 * 4e-3) / 12.0) and foot.bonded_share == 1.0 / 12.0
     assert side.slip == 5e-3 and side.bonded_share == 0.75 and side.verdict == "stable"
     assert both.shear == pytest.approx(1e6 * np.hypot(7.0, 4.0))

@@ -186,7 +186,7 @@ def test_what_is_no_file_is_refused(make, tmp_path):
     ):
         make(raw, tmp_path)
     raw = two_boxes(gap={"table": "/dev/zero"})
-    with pytest.raises(ConfigError, match=r"joints\.c\.gap\.table: /dev/zero cannot be read .* is a device"):
+    with pytest.raises(ConfigError, match=r"joints\.c\.gap\.table: /dev/zero cannot be read \(is a device"):
         make(raw, Path())
     with pytest.raises(ConfigError, match="is a device"):
         check_file(Path("/dev/null"), 1, ConfigError)

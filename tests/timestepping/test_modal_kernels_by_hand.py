@@ -208,7 +208,7 @@ def test_an_accepted_step_moves_means_peaks_and_the_clock(monkeypatch):
         shift=shift,
         last_shift=last,
     )
-    buffer, model = SimpleNamespace(stride=3), SimpleNamespace(R=np.eye(6))
+    buffer, model = SimpleNamespace(stride=3, node_disp=np.zeros((0, 3))), SimpleNamespace(R=np.eye(6))
     loop._move.py_func(model, levels, runs, state, work, buffer, 0)
     carried = 12.0 * 0.2
     assert (energies.input, energies.damping) == pytest.approx((1.0 + 10.0 - carried, 2.0 + 30.0 + 0.25))

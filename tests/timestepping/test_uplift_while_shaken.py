@@ -158,8 +158,8 @@ def test_a_deck_for_another_code_has_the_uplift_at_rest(tmp_path, monkeypatch):
         built.append(scene)
         return made(scene, *rest, **keys)
 
-    made = export.build_deck
-    monkeypatch.setattr(export, "build_deck", build_deck)
+    made = export.build.build_deck
+    monkeypatch.setattr(export.build, "build_deck", build_deck)
     ready = written(job({}), tmp_path)
     export.export_deck(ready, tmp_path / "deck", export.ExportOptions("opensees"))
     result = run(ready, tmp_path / "out").results[0].dataset
