@@ -112,7 +112,7 @@ def test_run_then_info_then_plot(config, tmp_path):
     assert code == 0
     assert "error          not measured against the mesh, estimated below; `romdam verify" in stdout
     assert "\nestimate       Leaving out modes changes the openings" in stdout and "pulse" in stdout
-    assert "time stepping  error about" in stdout and "by half of the step" in stdout
+    assert "time stepping  error about" in stdout and "by a quarter of the step" in stdout
     code, stdout, _ = call("plot", out / "pulse.nc", "--out", tmp_path / "figures")
     assert code == 0 and (tmp_path / "figures" / "pulse-energy.png").is_file()
 

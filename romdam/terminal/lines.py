@@ -157,7 +157,7 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     estimate = float(str(attrs["solver_estimated_time_error"]))
     slips = "".join(_slip_error(attrs, name) for name in ("slips", "residual_slips"))
     if "solver_accuracy" not in attrs:
-        return f"error about {100 * estimate:.2g} % of the openings in L2{slips}, by half of the step"
+        return f"error about {100 * estimate:.2g} % of the openings in L2{slips}, by a quarter of the step"
     wanted = float(str(attrs["solver_accuracy"]))
     missed = ", NOT reached at the finest step allowed" * (verdict(estimate, wanted) == MISSED)
     return (
