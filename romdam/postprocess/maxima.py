@@ -176,17 +176,19 @@ class JointPeaks(NamedTuple):
 
 def joint_peaks(dataset: xr.Dataset) -> list[JointPeaks]:
     """Peaks of every joint."""
-    found = dict[tuple[str, str], float]()
+    value_of = dict[tuple[str, str], float]()
     for row in maxima(dataset):
-        found[row.quantity.partition(",")[0] + ", mean" * (", mean" in row.quantity), row.where] = row.value
+        value_of[row.quantity.partition(",")[0] + ", mean" * (", mean" in row.quantity), row.where] = (
+            row.value
+        )
     return [
         JointPeaks(
             name,
-            found["joint opening", name],
+            value_of["joint opening", name],
             peak_opening_time(dataset, name),
-            found.get(("joint compression, mean", name), np.nan),
-            found["joint compression", name],
-            found.get(("joint slip", name), np.nan),
+            value_of.get(("joint compression, mean", name), np.nan),
+            value_of["joint compression", name],
+            value_of.get(("joint slip", name), np.nan),
         )
         for name in (map(str, dataset.joint.values) if "joint" in dataset else ())
     ]

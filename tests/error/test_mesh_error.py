@@ -277,7 +277,7 @@ def test_check_has_the_cost_of_the_mesh_statement(tmp_path):
     from romdam.pipelines.check import check
 
     costs = [check(small_job(tmp_path, 2.5, mesh_error=key)).costs["mesh"] for key in ("auto", False)]
-    assert costs[0] > 3.0 * costs[1]
+    assert costs[0] > 50.0 * costs[1]
 
 
 def test_what_moves_converges_faster_on_quadratic_elements():
