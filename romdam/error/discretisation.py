@@ -443,13 +443,20 @@ def _of_each_joint(
 
 
 def _normal_force(run: MeshRun, gaps: slice) -> Floats:
-    """Normal force (nt,) of a joint, mean over the interval before each row [N]."""
-    return np.asarray(run.history.mean_traction[:, gaps, NORMAL].sum(axis=1))
+    """Normal force (nt,) of a joint, mean over the interval before each row and at rest in the first [N]."""
+    return np.asarray(_normal_forces(run.history, gaps).sum(axis=1))
 
 
 def _largest_pressure(run: MeshRun, gaps: slice) -> Floats:
-    """Largest pressure (nt,) of a joint's gaps, each the mean over the interval before a row [Pa]."""
-    return np.asarray((run.history.mean_traction[:, gaps, NORMAL] / run.area[gaps]).max(axis=1))
+    """Largest pressure (nt,) of a joint's gaps, from the same forces [Pa]."""
+    return np.asarray((_normal_forces(run.history, gaps) / run.area[gaps]).max(axis=1))
+
+
+def _normal_forces(history: History, gaps: slice) -> Floats:
+    """Normal forces (nt, n) of a joint's gaps: at rest in the first row, else the means before each row [N]."""
+    forces = history.mean_traction[:, gaps, NORMAL].copy()
+    forces[0] = history.traction[0, gaps, NORMAL] + (history.water[0, gaps] if history.water.size else 0.0)
+    return forces
 
 
 def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], QuantityT]) -> dict[str, QuantityT]:

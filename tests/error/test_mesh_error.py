@@ -19,8 +19,11 @@ TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}
 
 
-def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, every=1, spectrum=2.0):
-    """Three gaps, one in joint j and two in k; `every` further gaps lie between on a finer mesh."""
+def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, every=1, spectrum=2.0, rest=0.0):
+    """Three gaps, one in joint j and two in k; `every` further gaps lie between on a finer mesh.
+
+    `rest` is the force of each gap at rest, half of it water's: the mean before the first row is zero.
+    """
     shape = np.sin(3.0 * TIME)[:, None]
     jump = np.stack(
         [
@@ -45,7 +48,12 @@ def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, eve
         joints = {"j": slice(0, 1), "k": slice(1, 3)}
     disp = motion * shape * np.array([1.0, 0.5, 0.0])
     state = np.full(jump.shape[:2], SLIP)
-    history = SimpleNamespace(time=TIME, jump=jump, mean_traction=force, disp=disp, acc=disp, state=state)
+    force[1:, :, 0] += rest
+    traction, water = np.zeros_like(force), np.full(jump.shape[:2], 0.5 * rest)
+    traction[:, :, 0] = force[:, :, 0] - water
+    traction[0, :, 0] = 0.5 * rest
+    forces = {"mean_traction": force, "traction": traction, "water": water}
+    history = SimpleNamespace(time=TIME, jump=jump, disp=disp, acc=disp, state=state, **forces)
     area = np.ones(len(position))
     return MeshRun(history, position, area, joints, ("top",), spectrum * np.ones((3, 4)), 30 * every)
 
@@ -75,6 +83,15 @@ def test_a_coarser_mesh_is_judged_by_the_own_one_and_half_of_the_difference_is_s
     stated = discretisation(own, coarser, finer=False, about=ABOUT)
     assert stated.errors["opening"].joints["k"].l2 == pytest.approx(0.5 * 0.2)
     assert "0.5 of the difference to elements of twice the size" in stated.sentence
+
+
+def test_joint_forces_count_from_those_at_rest():
+    """Forces move by 2 on the one mesh and by 1 on the other, about 1000 N at rest on a gap of each."""
+    coarse = run_of([1.0, 1.0, 2.0], force=(2.0, 2.0, 4.0), rest=1000.0)
+    fine = run_of([1.0, 1.0, 2.0], force=(1.0, 1.0, 2.0), rest=1000.0)
+    errors = discretisation(coarse, fine, finer=True, about=ABOUT).errors
+    for name in ("joint_force", "joint_pressure"):
+        assert [errors[name].l2, errors[name].peak] == pytest.approx([1.5, 1.5])
 
 
 def test_residual_slips_are_means_of_joints():
