@@ -453,7 +453,7 @@ def _largest_pressure(run: MeshRun, gaps: slice) -> Floats:
 
 
 def _normal_forces(history: History, gaps: slice) -> Floats:
-    """Normal forces (nt, n) of a joint's gaps: at rest in the first row, else the means before each row [N]."""
+    """Normal forces (nt, n) of a joint's gaps: at rest in the first row, then means before each row [N]."""
     forces = history.mean_traction[:, gaps, NORMAL].copy()
     forces[0] = history.traction[0, gaps, NORMAL] + (history.water[0, gaps] if history.water.size else 0.0)
     return forces
