@@ -23,7 +23,7 @@ from romdam.contact.laws.law import Law, Past
 from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
 from romdam.core.system import SLIP, STICK, GapLaw, History, System
-from romdam.error.metrics import FLOOR, from_rest, opening_error, peak_bound, relative_l2
+from romdam.error.metrics import FLOOR, from_rest, opening_error, peak_bound
 from romdam.error.statement import ErrorStatement, percent
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
@@ -114,8 +114,8 @@ def _with_loose_contact(settings: Settings) -> Settings:
 def estimate_time_error(prepared: Prepared, history: History, ground: Floats, other: Settings) -> Floats:
     """Estimate what the steps of a run have changed in what moves, see `jump_differences`.
 
-    (1,) of openings, or (3,) of openings, slips and residual slips where joints carry shear. What joints with
-    bonds or other memory keep is not in a written row: there the whole record is run again.
+    (2,) of openings and their peaks, or (4,) with slips and residual slips where joints carry shear. What
+    joints with bonds or other memory keep is not in a written row: there the whole record is run again.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     if law.directions == 1 and not law.laws:
         opening, better, _ = _openings(itself, history, ground, other)
         at_rest = history.jump[0, :, 0]
-        return np.array([relative_l2(opening - at_rest, better - at_rest) / _SEEN])
+        return jump_differences(opening, better, at_rest) / _SEEN
     longer, interval = other.steps.finest > history.stats["finest_step"], other.steps.interval
     rows = slice(0, len(history.time))
     if longer:
@@ -143,7 +143,7 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     jump = run_window(itself, history, ground, other, rows).jump
     jump = continued(history.jump, jump, rows, max(1, round(_REST / interval)))
     coarse, fine = (jump, history.jump) if longer else (history.jump, jump)
-    return jump_differences(coarse, fine)[: 3 if law.directions > 1 else 1] / _SEEN
+    return jump_differences(coarse, fine) / _SEEN
 
 
 def _openings(

@@ -155,18 +155,17 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     if "solver_estimated_time_error" not in attrs:
         return "error not estimated; transient.accuracy instead of transient.finest_step does"
     estimate = float(str(attrs["solver_estimated_time_error"]))
-    slips = "".join(_slip_error(attrs, name) for name in ("slips", "residual_slips"))
+    others = "".join(_other_error(attrs, name) for name in ("peaks", "slips", "residual_slips"))
     if "solver_accuracy" not in attrs:
-        return f"error about {100 * estimate:.2g} % of the openings in L2{slips}, by a quarter of the step"
+        return f"error about {100 * estimate:.2g} % of the openings in L2{others}, by a quarter of the step"
     wanted = float(str(attrs["solver_accuracy"]))
     missed = ", NOT reached at the finest step allowed" * (verdict(estimate, wanted) == MISSED)
-    return (
-        f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{missed}){slips}, by refining the step"
-    )
+    reached = f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{missed})"
+    return f"{reached}{others}, by refining the step"
 
 
-def _slip_error(attrs: Mapping[str, object], name: str) -> str:
-    """State what is known of the time-stepping error of slips, or of residual slips."""
+def _other_error(attrs: Mapping[str, object], name: str) -> str:
+    """State what is known of the time-stepping error of peaks, slips or residual slips."""
     key, wanted = f"solver_estimated_time_error_{name}", attrs.get(f"solver_accuracy_{name}")
     if key not in attrs:
         return ""

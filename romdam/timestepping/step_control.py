@@ -42,7 +42,7 @@ _QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step'
 _CUT = 0.5  # of the time in which joints are closed: where more was cut, it was impacts
 _LEFT = 0.05  # of the largest slips: smaller ones that are left are measured by that
 _FLOOR = 0.01  # of what all jumps do: openings, or slips, that do less are measured by that
-QUANTITIES = ("openings", "slips", "residual_slips")  # of which errors are stated, in this order
+QUANTITIES = ("openings", "peaks", "slips", "residual_slips")  # of which errors are stated, in this order
 
 
 def simulate_to(
@@ -465,27 +465,34 @@ def _order_of_error(
     return float(orders[np.argmin(np.abs((middle - fine) / (coarse - middle) - difference / former))])
 
 
-def jump_differences(coarse: Floats, fine: Floats) -> Floats:
-    """Differences of two runs, relative to what moves: to the values less those of the first row.
+def jump_differences(coarse: Floats, fine: Floats, rest: Floats | None = None) -> Floats:
+    """Differences of two runs, relative to what moves: to the values less those at rest.
 
     Parameters
     ----------
     coarse, fine : (nt, ng, d) openings and slips, or other values of any shape
+    rest : the values at rest, without the first dimension; the first row of `fine` if not given
 
     Returns
     -------
-    (3,) of openings and of slips, in L2 over all gaps and times, and of the residual slips, those of the last
-    row, in L2 over all gaps. Openings, or slips, that do less than `_FLOOR` of all are measured by that, and
-    residual slips below `_LEFT` of the largest by that. (1,) in L2 where there are no slips.
+    (4,) of openings in L2 over all gaps and times, of their peaks, of slips in L2, and of the residual slips,
+    those of the last row, in L2 over all gaps. Openings, or slips, that do less than `_FLOOR` of all are
+    measured by that, and residual slips below `_LEFT` of the largest by that. (2,) in L2 and of peaks where
+    there are no slips; (1,) of values that are peaks themselves.
     """
-    moved = fine if fine.ndim == 1 else fine - fine[0]
+    if fine.ndim == 1:
+        size = max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
+        return np.array([float(np.linalg.norm(fine - coarse)) / size])
+    rest = fine[0] if rest is None else rest
+    moved, off = fine - rest, coarse - fine
     if fine.ndim < 3 or fine.shape[2] == 1:
         size = max(float(np.linalg.norm(moved)), _NEGLIGIBLE)
-        return np.array([float(np.linalg.norm(fine - coarse)) / size])
+        return np.array([float(np.linalg.norm(off)) / size, _peak_difference(coarse - rest, moved)])
     least = max(_FLOOR * float(np.linalg.norm(moved)), _NEGLIGIBLE)
-    opening, slip, off = moved[..., NORMAL], moved[..., NORMAL + 1 :], coarse - fine
+    opening, slip = moved[..., NORMAL], moved[..., NORMAL + 1 :]
     largest = math.sqrt(float((slip**2).sum(axis=(1, 2)).max()))
     of_opening, of_slip = off[..., NORMAL], off[..., NORMAL + 1 :]
+    of_peaks = _peak_difference(opening + of_opening, opening, _FLOOR * float(np.abs(moved).max()))
     pairs = (
         (of_opening, max(float(np.linalg.norm(opening)), least)),
         (of_slip, max(float(np.linalg.norm(slip)), least)),
@@ -494,4 +501,18 @@ def jump_differences(coarse: Floats, fine: Floats) -> Floats:
             max(float(np.linalg.norm(slip[-1])), _LEFT * largest, least / math.sqrt(len(fine))),
         ),
     )
-    return np.array([float(np.linalg.norm(difference)) / size for difference, size in pairs])
+    in_l2, *of_slips = [float(np.linalg.norm(difference)) / size for difference, size in pairs]
+    return np.array([in_l2, of_peaks, *of_slips])
+
+
+def _peak_difference(coarse: Floats, fine: Floats, least: float = 0.0) -> float:
+    """What peaks (nt, ...) differ by: the largest, or all places' in root mean square if that is more.
+
+    The largest values of two runs may agree by chance. Where nothing opens, the largest motion is the
+    measure, or `least` if that is more.
+    """
+    each, wanted = coarse.max(axis=0), fine.max(axis=0)
+    largest = float(wanted.max())
+    size = max(largest if largest > 0.0 else float(np.abs(fine).max()), least, _NEGLIGIBLE)
+    of_places = float(np.linalg.norm(each - wanted)) / max(float(np.linalg.norm(wanted)), size)
+    return max(abs(float(each.max()) - largest) / size, of_places)

@@ -348,12 +348,16 @@ def stated_errors(attrs: dict[str, Any]) -> tuple[dict[str, Errors], set[str]]:
                     errors.setdefault(quantity, {})[measure] = float(value)
         return errors
 
-    mesh, modes, steps = of("discretisation"), of("error_estimate"), attrs.get("solver_estimated_time_error")
-    both: Errors = {}
+    mesh, modes, steps = of("discretisation"), of("error_estimate"), dict[str, float]()
+    for measure, ending in (("l2", ""), ("peak", "_peaks")):
+        if (stated := attrs.get(f"solver_estimated_time_error{ending}")) is not None:
+            steps[measure] = float(stated)
     if "error_estimate" not in attrs:  # all modes of the mesh are there, and nothing is stated of them
         modes = {"opening": {"l2": 0.0, "peak": 0.0}}
-    if steps is not None:
-        both = {name: {m: v + float(steps) for m, v in each.items()} for name, each in modes.items()}
+    both = {
+        name: {m: v + steps[m] for m, v in each.items() if m in steps}
+        for name, each in modes.items() if steps
+    }  # fmt: skip
     total = {
         name: {m: v + both[name][m] for m, v in each.items() if m in both[name]}
         for name, each in mesh.items() if name in both

@@ -86,6 +86,6 @@ def test_the_slip_that_is_left_counts():
     slips[1:, 0, 0], slips[1:-1, 0, 1], slips[-1, 0, 1] = 1.0, 1.0, 0.1
     other = slips.copy()
     other[-1, 0, 1] = 0.11
-    assert jump_differences(other, slips) == pytest.approx([0.0, 0.01 / 1000**0.5, 0.1], rel=1e-3)
+    assert jump_differences(other, slips) == pytest.approx([0.0, 0.0, 0.01 / 1000**0.5, 0.1], rel=1e-3)
     slips[-1, 0, 1], other[-1, 0, 1] = 0.01, 0.02  # a twentieth of the largest is the least to measure by
-    assert jump_differences(other, slips)[2] == pytest.approx(0.01 / 0.05)
+    assert jump_differences(other, slips)[3] == pytest.approx(0.01 / 0.05)

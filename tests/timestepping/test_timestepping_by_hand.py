@@ -67,9 +67,10 @@ def test_error_of_the_finer_of_two_runs(order, coarse, fine, factor):
 @pytest.mark.parametrize(
     ("opening", "slip", "last", "differences"),
     [
-        (0.5, 0.0, 0.0, (0.1, 0.0, 0.0)),  # of 3 and 4: 5
-        (0.0, 0.75, 0.0, (0.0, 0.75 / 26**0.5, 0.0)),  # of (3, 4) and (0, 1): sqrt 26
-        (0.0, 0.0, 0.1, (0.0, 0.1 / 26**0.5, 0.1 / 1.0)),  # 0.1 of the last, 1
+        (0.5, 0.0, 0.0, (0.1, 0.0, 0.0, 0.0)),  # of 3 and 4: 5; the peak is the other row's
+        (2.0, 0.0, 0.0, (0.4, 0.25, 0.0, 0.0)),  # 5 for a peak of 4
+        (0.0, 0.75, 0.0, (0.0, 0.0, 0.75 / 26**0.5, 0.0)),  # of (3, 4) and (0, 1): sqrt 26
+        (0.0, 0.0, 0.1, (0.0, 0.0, 0.1 / 26**0.5, 0.1 / 1.0)),  # 0.1 of the last, 1
     ],
 )
 @pytest.mark.parametrize("start", [(0.0, 0.0, 0.0), (-200.0, 7.0, 9.0)])
@@ -85,7 +86,17 @@ def test_slip_that_is_hardly_left_is_measured_by_a_twentieth_of_the_largest():
     fine = np.array([[[0.0, 0.0, 0.0]], [[0.0, 60.0, 80.0]], [[0.0, 0.0, 0.01]], [[0.0, 0.0, 0.01]]])
     coarse = fine.copy()
     coarse[3, 0, 2] += 0.001
-    assert jump_differences(coarse, fine)[2] == pytest.approx(0.001 / 5.0, rel=1e-9)
+    assert jump_differences(coarse, fine)[3] == pytest.approx(0.001 / 5.0, rel=1e-9)
+
+
+def test_peaks_of_two_runs_that_agree_by_chance_differ_by_those_of_all_gaps():
+    """Peaks of 4 and 3 where 3 and 4 are right, of values less those at rest: sqrt 2 of 5."""
+    rest = np.array([[0.5], [-7.0]])
+    fine = np.array([[[0.0], [0.0]], [[3.0], [0.0]], [[0.0], [4.0]]]) + rest
+    coarse = np.array([[[0.0], [0.0]], [[4.0], [0.0]], [[0.0], [3.0]]]) + rest
+    expected = [2.0 / 5.0 / 2.0**0.5, 2.0**0.5 / 5.0]
+    assert jump_differences(coarse, fine) == pytest.approx(expected, rel=1e-12)
+    assert jump_differences(coarse[1:], fine[1:], rest) == pytest.approx(expected, rel=1e-12)
 
 
 def test_moving_supports_add_motion_and_strain_energy():
