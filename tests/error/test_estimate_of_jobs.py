@@ -201,6 +201,14 @@ def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(s
     of_slips = ("", "_slips", "_residual_slips") if friction else ("",)
     stated = max(run.attrs[f"solver_estimated_time_error{name}"] for name in of_slips)
     assert 0.5 * true <= stated <= 2.0 * true
+    assert 0.5 <= _stated_peaks_over_true(run, exact) <= 2.0
+
+
+def _stated_peaks_over_true(run, exact):
+    """The error stated of peaks over that which is: of the largest or, if it is more, of all gaps' in L2."""
+    peaks, wanted = ((one.opening - one.opening[0]).max("time").values for one in (run, exact))
+    true = max(abs(peaks.max() / wanted.max() - 1.0), relative_l2(peaks, wanted))
+    return run.attrs["solver_estimated_time_error_peaks"] / true
 
 
 def test_the_base_step_that_closed_springs_follow_is_in_the_stated_error_of_the_steps():
@@ -235,3 +243,4 @@ def test_the_base_step_that_closed_springs_follow_is_in_the_stated_error_of_the_
     true = relative_l2(run.opening.values - run.opening.values[0], moved)
     assert true > 0.01
     assert 0.5 * true <= run.attrs["solver_estimated_time_error"] <= 2.0 * true
+    assert 0.5 <= _stated_peaks_over_true(run, exact) <= 2.0
