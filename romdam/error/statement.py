@@ -122,16 +122,20 @@ def sentences(attributes: Mapping[str, object]) -> dict[Kind, str]:
     return {kind: str(attributes[n.sentence]) for kind, n in _NAMES.items() if n.sentence in attributes}
 
 
-def opening_errors(attributes: Mapping[str, object]) -> dict[str, float]:
-    """Errors of the openings in L2 that a result states: of its mesh, of its modes and of its steps.
+def opening_errors(attributes: Mapping[str, object], measure: str = "l2") -> dict[str, float]:
+    """Errors of the openings that a result states: of its mesh, of its modes and of its steps.
 
     Those that are not known are left out.
+
+    Parameters
+    ----------
+    measure : "l2", or "peak" for those of their peaks
     """
     modes = ("verification", "certificate", "error_estimate")
     known = {
-        "mesh": "discretisation_opening_l2",
-        "modes": next((f"{kind}_opening_l2" for kind in modes if f"{kind}_opening_l2" in attributes), ""),
-        "steps": "solver_estimated_time_error",
+        "mesh": f"discretisation_opening_{measure}",
+        "modes": next((key for kind in modes if (key := f"{kind}_opening_{measure}") in attributes), ""),
+        "steps": "solver_estimated_time_error" + ("_peaks" if measure == "peak" else ""),
     }
     errors = {name: float(str(attributes[key])) for name, key in known.items() if key in attributes}
     if attributes["model_order"] == "full":

@@ -140,7 +140,8 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
         return [*lines, f"mesh           {mesh}"]
     parts = opening_errors(attrs)  # in L2, of mesh, modes and steps, as far as they are known
     each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
-    total = f"of the openings in L2 at most {total_text(parts)}: {each}"
+    peaks = total_text(opening_errors(attrs, "peak"))
+    total = f"of the openings in L2 at most {total_text(parts)}: {each}; of their peaks at most {peaks}"
     lines += [f"mesh           {mesh}", f"total          {total}"]
     tried = [
         f"{entry['mesh']} {100 * entry['opening_error']:.2g} % ({entry['unknowns']} unknowns, "

@@ -133,6 +133,9 @@ def test_the_command_states_it_in_the_results_and_info_sums_all_errors(tmp_path)
     total = 100.0 * sum(float(attrs[name]) for name in parts if name in attrs)
     _, after, _ = call("info", out / "pulse.nc")
     assert f"total          of the openings in L2 at most {total:.2g} %: mesh " in after
+    parts = "discretisation_opening_peak", "error_estimate_opening_peak", "solver_estimated_time_error_peaks"
+    peaks = 100.0 * sum(float(attrs[name]) for name in parts if name in attrs)
+    assert f"; of their peaks at most {peaks:.2g} %\n" in after
     assert call("run", tmp_path / "small.yaml", "--out", out, "--quiet")[0] == 0  # it finds it again
     with xr.open_dataset(out / "pulse.nc", engine="h5netcdf") as dataset:
         assert dataset.attrs["discretisation_statement"] == document["statement"]
