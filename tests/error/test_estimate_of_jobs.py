@@ -152,20 +152,13 @@ def test_a_block_that_slides_is_judged_by_twice_its_steps(monkeypatch, finest, l
     assert taken == pytest.approx([other], rel=0.12)  # a base step in three parts has no such parts
 
 
-_LEFT_TOO_SMALL = pytest.mark.xfail(reason="residual slips: 2.6 % are stated where 5.6 % are true")
-
-
-@pytest.mark.parametrize(
-    ("stiffness", "friction"),
-    [
-        *((stiffness, 0.0) for stiffness in (2e9, 2e10, 2e11)),
-        pytest.param(2e9, 0.5, marks=_LEFT_TOO_SMALL),
-        (2e10, 0.5),
-        (2e11, 0.5),
-    ],
-)
+@pytest.mark.parametrize("stiffness", [2e9, 2e10, 2e11])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(stiffness, friction):
-    """Both runs of that estimate cut a step at one share of the change; fixed fine steps have none."""
+    """Both runs of that estimate cut a step at one share of the change; fixed fine steps have none.
+
+    With friction equal steps converge slowly: those of 78 us are 1.2 % off on the soft joint.
+    """
     job = {
         "materials": {"concrete": {"E": 25e9, "nu": 0.2, "rho": 2400}},
         "blocks": {
@@ -190,17 +183,17 @@ def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(s
         "outputs": {"output_interval": DT, "plots": False, "mesh_error": False},
     }
     motion = GroundMotion("pulse", np.stack([PULSE, 0.0 * PULSE, 0.0 * PULSE]), DT, {}, ())
-    fine = job | {"transient": {"finest_step": DT / 128, "integrator": "modal"}}
+    fine = job | {"transient": {"finest_step": DT / (512 if friction else 128), "integrator": "modal"}}
     run, exact = (romdam.run(one, motions=motion).results[0].dataset.load() for one in (job, fine))
-    true = relative_l2(run.opening.values, exact.opening.values)
+    true = {"": relative_l2(run.opening.values, exact.opening.values)}
     if friction:
         slip, wanted = run.slip.values, exact.slip.values
-        size = max(np.linalg.norm(wanted[-1]), 0.05 * np.abs(wanted).max())
-        left = np.linalg.norm(slip[-1] - wanted[-1]) / size
-        true = max(true, relative_l2(slip, wanted), left)
-    of_slips = ("", "_slips", "_residual_slips") if friction else ("",)
-    stated = max(run.attrs[f"solver_estimated_time_error{name}"] for name in of_slips)
-    assert 0.5 * true <= stated <= 2.0 * true
+        sizes = np.linalg.norm(wanted, axis=(1, 2))
+        size = max(sizes[-1], 0.05 * sizes.max())
+        true["_residual_slips"] = np.linalg.norm(slip[-1] - wanted[-1]) / size
+        true["_slips"] = relative_l2(slip, wanted)
+    for name, error in true.items():
+        assert 0.5 * error <= run.attrs[f"solver_estimated_time_error{name}"] <= 2.0 * error, name
     assert 0.5 <= _stated_peaks_over_true(run, exact) <= 2.0
 
 
