@@ -10,6 +10,7 @@ from romdam.core.errors import MeshError
 from romdam.core.scene import Block, Ints
 from romdam.geometry.elements import Element, Floats, jacobians
 from romdam.geometry.facets import facet_keys, row_numbers
+from romdam.geometry.meshes.bodies import bodies_text, number_bodies
 from romdam.geometry.meshes.closed import refuse_bad_faces
 from romdam.geometry.meshes.kinds import chunks_of, frame, kinds_of
 from romdam.geometry.nearest import tree
@@ -59,17 +60,25 @@ def refuse_bad_cells(block: Block, location: str) -> None:
     if len(pairs):
         first, second = pairs[np.lexsort(pairs.T[::-1])][0]
         at = ", ".join(f"{x:.6g}" for x in block.points[second])
+        boxes = number_bodies(block.points, [block.cells])[1]
+        apart_by = "make it two blocks with a joint or a tie"
+        if len(boxes) > 1:
+            apart_by = (
+                f"make its {len(boxes)} bodies blocks of their own by `mesh.body`, with joints or ties: "
+                f"{bodies_text(boxes)} [m]"
+            )
         raise MeshError(
             f"{location}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
             f"{second} at ({at}) are the first, counted from 0; within {reach:.1g} m), limit 0: the block is "
-            "cut there; merge duplicate nodes, or make it two blocks with a joint or a tie"
+            f"cut there; merge duplicate nodes, or {apart_by}"
         )
 
     pieces = refuse_bad_faces(block, volume, location)
     if pieces > 1:
         log.warning(
             "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks of "
-            "their own, or mesh them together", location, block.name, pieces,
+            "their own (those that share no node by `mesh.body`), or mesh them together",
+            location, block.name, pieces,
         )  # fmt: skip
 
 

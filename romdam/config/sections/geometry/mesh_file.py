@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from romdam.config.base import Model
 from romdam.config.quantities import Whole
@@ -18,6 +21,8 @@ class MeshFileConfig(Model):
     .vtu."""
     group: str | Whole | None = None
     """Group, set or component (or a number) of the cells; all of them where it is left out."""
+    body: Annotated[Whole, Field(ge=1)] | None = None
+    """Number of the one body among those that share no node, counted along x, then y, then z."""
     unit: LengthUnit = "m"
     """Unit of the coordinates."""
     refine: Refinements = 0
