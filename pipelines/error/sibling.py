@@ -171,8 +171,7 @@ def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
             return OtherModel(job, with_stress(Model(scene, prepare(job, system), None)))
         if model.modes == "all" and _unknowns(scene) > _DENSE:
             model = with_vectors(with_modes(job, _MANY_MODES)).config.model
-        choice = replace(mode_choice(model), capped=True)
-        reduced = reduce_scene(scene, choice, job.config.damping, store)
+        reduced = reduce_scene(scene, mode_choice(model), job.config.damping, store)
         return OtherModel(job, with_stress(Model(scene, prepare(job, reduced.system), reduced)))
 
 

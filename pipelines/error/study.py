@@ -209,9 +209,7 @@ def _finer_reference(setup: _Setup, clock: Clock) -> _Reference:
     wanted, runs = setup.job.config.study, list[tuple[Openings, History]]()
     vectors = max(LIMIT_VECTORS, *wanted.residual_vectors)
     if wanted.counts:
-        choice = ModeChoice(
-            count=max(LIMIT_MODES, MORE_MODES * max(wanted.counts)), residual_vectors=vectors, capped=True
-        )
+        choice = ModeChoice(count=max(LIMIT_MODES, MORE_MODES * max(wanted.counts)), residual_vectors=vectors)
         modes = f"{choice.count} modes"
     else:
         choice = ModeChoice(cutoff=MORE_MODES * max(wanted.cutoffs or ()), residual_vectors=vectors)
@@ -268,7 +266,7 @@ class _Case:
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
     bases: list[tuple[str, ModeChoice]] = [
-        (f"{count} modes", ModeChoice(count=count, residual_vectors=vectors, capped=True))
+        (f"{count} modes", ModeChoice(count=count, residual_vectors=vectors))
         for count, vectors in itertools.product(wanted.counts, wanted.residual_vectors)
     ]
     bases += [

@@ -19,10 +19,10 @@ class ModeChoice:
 
     Attributes
     ----------
-    count : number of fixed-interface modes, in free-interface form of free modes; None if `cutoff` is given
+    count : number of fixed-interface modes, in free-interface form of free modes; a block that has fewer
+        takes all. None if `cutoff` is given
     cutoff : frequency below which all these modes are kept [Hz]; None if `count` is given
     residual_vectors : number of residual vectors
-    capped : whether a block with fewer than `count` interior DOFs takes all modes; otherwise it is refused
     solving : choice of the solver; it affects results by round-off only
     finer : whether it is the finer basis of the error estimate
     """
@@ -30,7 +30,6 @@ class ModeChoice:
     count: int | None = None
     cutoff: float | None = None
     residual_vectors: int = 0
-    capped: bool = False
     solving: Solving = AUTO
     finer: bool = False
 
@@ -74,7 +73,6 @@ class ModeChoice:
             "count": self.count,
             "cutoff": self.cutoff,
             "residual_vectors": self.residual_vectors,
-            "capped": self.capped,
         }
 
 

@@ -31,7 +31,7 @@ def much_finer(choice: ModeChoice) -> ModeChoice:
     """The finer basis of the certificate, near enough to the mesh for its defect to be small."""
     residual = max(2 * choice.residual_vectors, _RESIDUAL_VECTORS)
     if choice.count is not None:
-        return replace(choice, count=max(3 * choice.count, _ENOUGH), residual_vectors=residual, capped=True)
+        return replace(choice, count=max(3 * choice.count, _ENOUGH), residual_vectors=residual)
     return replace(choice, cutoff=2.0 * (choice.cutoff or 0.0), residual_vectors=residual)
 
 

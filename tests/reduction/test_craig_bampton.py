@@ -21,7 +21,6 @@ from small_scenes import (
 )
 
 from romdam.config.sections.job import DampingConfig
-from romdam.core.errors import ConfigError
 from romdam.reduction.methods.residual_vectors import larger
 
 LAWS = {
@@ -176,14 +175,16 @@ def test_a_block_of_retained_nodes_alone_takes_any_number_of_modes():
     assert few.K.diagonal()[own] == pytest.approx(every.K.diagonal()[every.parts["middle"]], rel=1e-9)
 
 
-def test_more_modes_than_the_block_has_are_refused():
+def test_a_block_with_fewer_modes_than_are_asked_for_takes_all():
+    """So that one number serves a large block beside a small one."""
     built = scene(raw())
     interior = 3 * 3 * 3 * 4 - 12
-    assert reduced(built, modes=interior).report["left"]["fixed_interface_modes"] == interior
-    with pytest.raises(
-        ConfigError, match=rf"block 'left': model.modes asks for {interior + 1} .* has {interior}"
-    ):
-        reduced(built, modes=interior + 1)
+    every = reduced(built, modes="all")
+    for count in (interior, interior + 1, 10 * interior):
+        some = reduced(built, modes=count)
+        assert some.report["left"]["fixed_interface_modes"] == interior
+        left = [model.system.K.diagonal()[model.system.parts["left"]] for model in (some, every)]
+        assert left[0] == pytest.approx(left[1], rel=1e-9)
 
 
 MODELS = [{"modes": "all"}, {"modes": 10}]

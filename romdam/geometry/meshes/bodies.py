@@ -65,7 +65,7 @@ def number_bodies(points: Floats, tables: Sequence[Ints]) -> tuple[list[Ints], F
             np.split(local, np.cumsum([table.size for table in known])[:-1]), known, strict=True
         )
     ]
-    first = np.concatenate([np.repeat(nodes[:, 0], nodes.shape[1]) for nodes in of_cells])
+    first = np.concatenate([np.repeat(nodes[:, 0], len(nodes[0])) for nodes in of_cells if len(nodes)])
     links = coo_array((np.ones(len(first)), (first, local.ravel())), shape=(len(used), len(used)))
     count, part = connected_components(links, directed=False)
     boxes = np.full((count, 2, 3), np.nan)

@@ -34,7 +34,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats
 from romdam.core.basis import BlockBasis
-from romdam.core.errors import ConfigError, ReductionError
+from romdam.core.errors import ReductionError
 from romdam.effects.added_mass import WetMass
 from romdam.linalg.dense import DEPENDENT, eigh, independent, orthonormalising, without_roundoff
 from romdam.linalg.modes.eigen import dense_modes, modes_below
@@ -201,22 +201,13 @@ def reduce_block(block: FreeBlock, choice: ModeChoice) -> Iterator[ReducedBlock]
 
     Raises
     ------
-    ConfigError
-        for more modes than the interior has DOFs.
     ReductionError
         if a factorisation or an eigenproblem fails.
     """
     K, M, retained, shift = block.K, block.M, block.retained, block.shift
     interior_dofs = int((~retained).sum())
     rigid = rigid_modes(K, M, block.motions.rigid).shape[1]
-    if (choice.capped or not interior_dofs) and choice.count is not None:
-        choice = replace(choice, count=min(choice.count, interior_dofs))
-    if not choice.keeps_all and choice.count is not None and choice.count > interior_dofs:
-        raise ConfigError(
-            f"{block.label}: model.modes asks for {choice.count} fixed-interface modes, the block has "
-            f"{interior_dofs} interior DOFs; ask for fewer, or for `modes: all`"
-        )
-    if choice.keeps_all or choice.count == interior_dofs:
+    if choice.count is not None and choice.count >= interior_dofs:
         omega2, basis = dense_modes(K, M)
         complete = ReducedBlock(
             omega2=without_strain(without_roundoff(omega2), rigid),
