@@ -38,6 +38,7 @@ _MATTERS = 0.25  # of the accuracy: what the base step may leave without being h
 _RETRIES = 2  # further halvings of a first step that does not converge
 _BASE_HALVINGS = 4  # of the base step at least, where it makes the error
 _NEGLIGIBLE = 1e-12  # [m] smaller openings are none
+_STILL = 1e-6  # of the values themselves: what moves less is round-off
 _QUIET_RUN = 1.5  # steps in a base step, on average, below which the base step's own error may count
 _CUT = 0.5  # of the time in which joints are closed: where more was cut, it was impacts
 _LEFT = 0.05  # of the largest slips: smaller ones that are left are measured by that
@@ -477,22 +478,25 @@ def jump_differences(coarse: Floats, fine: Floats, rest: Floats | None = None) -
     -------
     (4,) of openings in L2 over all gaps and times, of their peaks, of slips in L2, and of the residual slips,
     those of the last row, in L2 over all gaps. Openings, or slips, that do less than `_FLOOR` of all are
-    measured by that, and residual slips below `_LEFT` of the largest by that. (2,) in L2 and of peaks where
+    measured by that, and residual slips below `_LEFT` of the largest by that; what moves by less than
+    `_STILL` of the values by that. (2,) in L2 and of peaks where
     there are no slips; (1,) of values that are peaks themselves.
     """
     if fine.ndim == 1:
         size = max(float(np.linalg.norm(fine)), _NEGLIGIBLE)
         return np.array([float(np.linalg.norm(fine - coarse)) / size])
     rest = fine[0] if rest is None else rest
-    moved, off = fine - rest, coarse - fine
+    moved, off, still = fine - rest, coarse - fine, _STILL * float(np.linalg.norm(fine))
     if fine.ndim < 3 or fine.shape[2] == 1:
-        size = max(float(np.linalg.norm(moved)), _NEGLIGIBLE)
-        return np.array([float(np.linalg.norm(off)) / size, _peak_difference(coarse - rest, moved)])
-    least = max(_FLOOR * float(np.linalg.norm(moved)), _NEGLIGIBLE)
+        size = max(float(np.linalg.norm(moved)), still, _NEGLIGIBLE)
+        of_peaks = _peak_difference(coarse - rest, moved, _STILL * float(np.abs(fine).max(initial=0.0)))
+        return np.array([float(np.linalg.norm(off)) / size, of_peaks])
+    least = max(_FLOOR * float(np.linalg.norm(moved)), still, _NEGLIGIBLE)
     opening, slip = moved[..., NORMAL], moved[..., NORMAL + 1 :]
     largest = math.sqrt(float((slip**2).sum(axis=(1, 2)).max()))
     of_opening, of_slip = off[..., NORMAL], off[..., NORMAL + 1 :]
-    of_peaks = _peak_difference(opening + of_opening, opening, _FLOOR * float(np.abs(moved).max()))
+    floor = max(_FLOOR * float(np.abs(moved).max()), _STILL * float(np.abs(fine).max()))
+    of_peaks = _peak_difference(opening + of_opening, opening, floor)
     pairs = (
         (of_opening, max(float(np.linalg.norm(opening)), least)),
         (of_slip, max(float(np.linalg.norm(slip)), least)),
