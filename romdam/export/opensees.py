@@ -197,20 +197,29 @@ def analysis(kind, *integrator):
     ops.analysis(kind)
 
 
-def advance(dt, depth=0):
-    """One step; where Newton's method fails another one, then two steps of half the size."""
-    if ops.analyze(1, dt) == 0:
+def advance(analyze, step, failure, depth=0):
+    """One step in time or load; where Newton's method fails another one, then two steps of half the size."""
+    if analyze(step) == 0:
         return
     for method in (("NewtonLineSearch",), ("KrylovNewton",)):
         ops.algorithm(*method)
-        done = ops.analyze(1, dt) == 0
+        done = analyze(step) == 0
         ops.algorithm("Newton")
         if done:
             return
     if depth == 6:
-        sys.exit(f"no convergence at {ops.getTime():.6f} s; what was computed stands in openings.csv")
-    advance(dt / 2.0, depth + 1)
-    advance(dt / 2.0, depth + 1)
+        sys.exit(failure.format(ops.getTime()))
+    advance(analyze, step / 2.0, failure, depth + 1)
+    advance(analyze, step / 2.0, failure, depth + 1)
+
+
+def add_load(share):
+    ops.integrator("LoadControl", share)
+    return ops.analyze(1)
+
+
+def add_time(dt):
+    return ops.analyze(1, dt)
 
 
 def opening(row):
@@ -223,8 +232,8 @@ def main():
     if STATIC:
         loads(nodes, "Linear")
         analysis("Static", "LoadControl", 0.1)
-        if ops.analyze(10) != 0:
-            sys.exit("no static equilibrium")
+        for _ in range(10):
+            advance(add_load, 0.1, "equilibrium under {:.4g} of the static loads was not found")
         ops.loadConst("-time", 0.0)
     else:
         loads(nodes, "Constant")
@@ -239,7 +248,7 @@ def main():
         file.write(HEAD)
         for step in range(STEPS + 1):
             if step:
-                advance(DT)
+                advance(add_time, DT, "no convergence at {:.6f} s; what was computed stands in openings.csv")
             if step % STRIDE == 0:
                 moved = [value for node in PROBES.values() for value in ops.nodeDisp(node)]
                 numbers = [step * DT, *(opening(row) for row in gaps), *moved]

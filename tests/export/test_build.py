@@ -1,5 +1,6 @@
 """The neutral description against romdam's own operators, totals and closed forms."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -133,3 +134,50 @@ def test_opensees_refuses_points_that_follow_several():
         write_opensees(built(boxes(other=4.0, joints={"gap": mortar}))[1])
     with pytest.raises(ConfigError, match=r"blocks\.left: element hex27"):
         write_opensees(built(boxes("hex27"))[1])
+
+
+class _Stiff:
+    """OpenSees as far as `advance` of a deck sees it: Newton's method fails on steps above a size."""
+
+    def __init__(self, largest):
+        self.largest, self.method, self.load, self.time, self.share = largest, "Newton", 0.0, 0.0, 0.0
+
+    def algorithm(self, method):
+        self.method = method
+
+    def integrator(self, kind, share):
+        assert kind == "LoadControl"
+        self.share = share
+
+    def analyze(self, count, dt=0.0):
+        assert count == 1
+        step = dt or self.share
+        if step > self.largest.get(self.method, 0.0):
+            return -3
+        self.load, self.time = self.load + (0.0 if dt else step), self.time + dt
+        return 0
+
+    def getTime(self):
+        return self.time or self.load
+
+
+@pytest.mark.parametrize("largest", [{"Newton": 1.0}, {"KrylovNewton": 1.0}, {"Newton": 0.02}])
+def test_steps_of_an_opensees_deck_have_the_same_fallbacks_in_load_and_in_time(largest):
+    script = write_opensees(built(boxes())[1])[0]["deck.py"]
+    functions = script[script.index("def advance") : script.index("def opening")]
+    ops = _Stiff(largest)
+    names = {"ops": ops, "sys": sys}
+    exec(functions, names)
+    for _ in range(10):
+        names["advance"](names["add_load"], 0.1, "{:g}")
+    names["advance"](names["add_time"], 0.3, "{:g}")
+    assert (ops.load, ops.time) == (pytest.approx(1.0), pytest.approx(0.3))
+
+
+def test_an_opensees_deck_says_not_found_where_no_step_converges():
+    script = write_opensees(built(boxes())[1])[0]["deck.py"]
+    functions = script[script.index("def advance") : script.index("def opening")]
+    names = {"ops": _Stiff({"Newton": 1e-9}), "sys": sys}
+    exec(functions, names)
+    with pytest.raises(SystemExit, match="equilibrium under 0 of the static loads was not found"):
+        names["advance"](names["add_load"], 0.1, "equilibrium under {:.4g} of the static loads was not found")
