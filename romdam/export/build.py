@@ -13,14 +13,15 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix, diags_array, eye_array, kron, vstack
 
 from romdam.config.sections.job import DampingConfig
-from romdam.contact.laws.catalogue import further_keys
+from romdam.contact.laws.catalogue import find_law, further_keys
+from romdam.contact.laws.shear_stiffness import ElasticShear
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.known import refuse_unknown
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
 from romdam.effects.added_mass import added_mass
-from romdam.export.deck import Deck, Gaps, Motion, Solid
+from romdam.export.deck import Deck, Gaps, Motion, Solid, elastic
 from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force, surface_forces, weight_acts
@@ -153,14 +154,14 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
     refuse_unknown(law, _OF_GAPS, _WRITTEN)
     if damping.modal is not None:
         raise ConfigError(f"damping.modal is not {_WRITTEN}; give damping.rayleigh")
-    sticks = (law.mu.min(axis=1, initial=np.inf) > 0.0) & (law.K_s > 0.0)
+    sticks = ((law.mu.min(axis=1, initial=np.inf) > 0.0) | elastic(law)) & (law.K_s > 0.0)
     for slip in (law.slip, law.slipped):
         if len(slip) and slip[sticks].any():
             raise ConfigError(
-                "joints.<name>.grouting_pressure with friction is not written for other codes: shear counts "
+                "joints.<name>.grouting_pressure with shear is not written for other codes: shear counts "
                 "from where the blocks stand after grouting, "
                 f"{1e3 * np.abs(slip[sticks]).max():.3g} mm from where the mesh has them, which their "
-                "springs do not know; leave out friction or grouting_pressure"
+                "springs do not know; leave out friction, shear_stiffness or grouting_pressure"
             )
 
 
@@ -218,7 +219,11 @@ def _stated(scene: Scene, alpha: float, static: bool) -> Iterator[str]:
             f"{rigid} rigid gaps have the normal stiffness of {1e3 * _GIVE:g} mm of their block's material, "
             "E / length."
         )
-    keys = further_keys(law)
+    springs = elastic(law)
+    bounded = [
+        rows for rows in law.laws if not (find_law(rows.law) is ElasticShear and springs[rows.on].all())
+    ]
+    keys = further_keys(replace(law, laws=tuple(bounded)))
     if keys:
         yield f"Left out of the joints: {', '.join(keys)}."
     if (law.mu[:, 0] != law.mu[:, 1]).any():

@@ -31,7 +31,8 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     stated = ["Such decks were never run in code_aster; they are written for version 17."]
     if any(solid.material.rho == 0.0 for solid in deck.solids):
         stated.append("With massless blocks the first acceleration is zero, whatever acts at the start.")
-    if ((law.K_nz > 0.0) & sticks).any():
+    slides = sticks & np.isfinite(deck.gaps.friction)
+    if ((law.K_nz > 0.0) & slides).any():
         stated.append(
             "The limit of friction is of the normal force without the part of the tension stiffness."
         )
@@ -52,9 +53,12 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     of_jumps[:, 0] = -law.K_nz * law.gap
     forces = np.concatenate([deck.force, of_jumps])
     loaded = np.flatnonzero(forces.any(axis=1))
-    # tension stiffness acts in both signs
-    tension = {f"T{k}": kind for k, kind in enumerate(np.unique(law.K_nz[law.K_nz > 0.0]).tolist())}
-    pulled = {name: jump_points[law.K_nz == kind] for name, kind in tension.items()}
+    # tension stiffness acts in both signs, and so does shear without a bound
+    springs = np.column_stack([law.K_nz, np.where(sticks & ~slides, law.K_s, 0.0)])
+    tension = {
+        f"T{k}": tuple(kind) for k, kind in enumerate(np.unique(springs[law.K_nz > 0.0], axis=0).tolist())
+    }
+    pulled = {name: jump_points[(springs == kind).all(axis=1)] for name, kind in tension.items()}
     laws, gaps = _gap_kinds(deck)
     wet = np.flatnonzero(deck.added_mass.any(axis=(1, 2)))
     openings = zip(jump_points.tolist(), law.gap.tolist(), strict=True)
@@ -93,8 +97,9 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
 
 def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]]:
     """Keywords of DIS_CONTACT, and points, of every group of gaps of one law."""
-    law, sticks = deck.gaps.law, deck.gaps.sticks
-    columns = [law.K_n - law.K_nz, law.gap, sticks * law.K_s, sticks * deck.gaps.friction]
+    law, friction = deck.gaps.law, deck.gaps.friction
+    slides = deck.gaps.sticks & np.isfinite(friction)
+    columns = [law.K_n - law.K_nz, law.gap, slides * law.K_s, np.where(slides, friction, 0.0)]
     kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     laws, points = {}, {}
     for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):
@@ -152,8 +157,8 @@ def common(tension):
         return known
     cards = []
     for name in DISCRETE:
-        stiffness = TENSION.get(name, 0.0) if tension else 0.0
-        cards.append(_F(GROUP_MA=name, CARA="K_T_D_N", VALE=(stiffness, 0.0, 0.0)))
+        normal, shear = TENSION.get(name, (0.0, 0.0)) if tension else (0.0, 0.0)
+        cards.append(_F(GROUP_MA=name, CARA="K_T_D_N", VALE=(normal, shear, shear)))
         if name in WATER:
             damping = tuple(ALPHA * mass for mass in WATER[name])
             cards.append(_F(GROUP_MA=name, CARA="M_T_N", VALE=tuple(WATER[name])))

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix, diags_array
 
+from romdam.contact.laws.catalogue import find_law
+from romdam.contact.laws.shear_stiffness import ElasticShear
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Material
@@ -48,13 +50,24 @@ class Gaps:
 
     @property
     def friction(self) -> Floats:
-        """(ng,) coefficient for both tangential directions, the smaller one."""
-        return np.asarray(self.law.mu.min(axis=1))
+        """(ng,) coefficient for both tangential directions, the smaller one; inf where shear has no bound."""
+        return np.where(elastic(self.law), np.inf, self.law.mu.min(axis=1))
 
     @property
     def sticks(self) -> Bools:
         """(ng,) True for gaps that carry shear."""
         return np.asarray((self.friction > 0.0) & (self.law.K_s > 0.0))
+
+
+def elastic(law: GapLaw) -> Bools:
+    """(ng,) True for gaps that are linear springs along all three axes: shear has no bound of any law."""
+    springs, bounded = np.zeros(len(law), dtype=bool), law.mu.any(axis=1)
+    for rows in law.laws:
+        if find_law(rows.law) is ElasticShear:
+            springs |= rows.on
+        else:
+            bounded |= rows.on
+    return np.asarray(springs & ~bounded & (law.K_n == law.K_nz))
 
 
 @dataclass(frozen=True)

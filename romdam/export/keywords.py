@@ -177,7 +177,7 @@ def frequencies_text() -> str:
 
 def shared_statements(deck: Deck) -> Iterator[str]:
     """State what both codes have otherwise than romdam."""
-    if (deck.gaps.friction > 0.0).any():
+    if (np.isfinite(deck.gaps.friction) & (deck.gaps.friction > 0.0)).any():
         yield (
             "Friction has no limit: gaps with friction hold along both tangents with K_s, whether they are "
             "closed, slide or are open."

@@ -158,10 +158,17 @@ def build():
 
 
 def add_gap(row, spare, element, material):
-    """One gap: compression K_n beyond the initial gap, K_nz in both signs; friction where it has some."""
+    """One gap: compression K_n beyond the initial gap, K_nz in both signs; friction where it has some.
+
+    Shear without a bound, of a friction of inf, is a spring.
+    """
     I, J, normal, along = int(row["I"]), int(row["J"]), xyz(row, "n"), xyz(row, "j")
     K_n, K_nz, K_s, friction, gap = (float(row[key]) for key in ("K_n", "K_nz", "K_s", "friction", "gap"))
-    if friction == 0.0:
+    if math.isinf(friction):
+        ops.uniaxialMaterial("Elastic", material + 1, K_s)
+        ends, frame = (I, J, "-mat", *[material + 1] * 2, "-dir", 2, 3), ("-orient", *normal, *along)
+        ops.element("zeroLength", element + 1, *ends, *frame)
+    if friction == 0.0 or math.isinf(friction):
         strain, stress = [-gap - 1.0, -gap, 1.0 - gap], [-K_n, 0.0, K_nz]
         ops.uniaxialMaterial("ElasticMultiLinear", material, "-strain", *strain, "-stress", *stress)
         ops.element("zeroLength", element, I, J, "-mat", material, "-dir", 1, "-orient", *normal, *along)

@@ -258,7 +258,8 @@ def test_law_of_a_gap_is_romdam_s(friction, tmp_path):
         for group, own in names["GAPS"].items():
             for point in points[group]:
                 force[point] += own["RIGI_NOR"] * min(jump + own["JEU"] - own["DIST_1"], 0.0)
-        for group, stiffness in names["TENSION"].items():
+        for group, (stiffness, shear) in names["TENSION"].items():
+            assert shear == 0.0
             for point in points[group]:
                 force[point] += stiffness * jump
         opening = jump + law.gap
@@ -268,6 +269,20 @@ def test_law_of_a_gap_is_romdam_s(friction, tmp_path):
     assert shear == pytest.approx(law.K_s.sum() if friction else 0.0)
     assert {own.get("COULOMB") for own in names["GAPS"].values()} == {0.5 if friction else None}
     assert ("NO_SLIP" in names["HELD"]) != friction
+
+
+def test_an_elastic_joint_is_springs_along_three_axes(tmp_path):
+    joint = {name: value for name, value in FRICTION.items() if name != "friction"}
+    joint |= {"tension_stiffness": joint["normal_stiffness"], "gap": 0.0}
+    deck, _, names = ran(boxes(joints={"gap": joint}), tmp_path)
+    sets, law = read_aster(tmp_path / "deck.mail", "job.yaml"), deck.gaps.law
+    springs = dict.fromkeys((name for name, _ in names["OPENINGS"]), 0.0)
+    found = {point: kind for group, kind in names["TENSION"].items() for point in _points_of(sets, group)}
+    assert [found[name] for name in springs] == pytest.approx(
+        np.column_stack([law.K_nz, law.K_s]), rel=1e-12
+    )
+    assert all(own["RIGI_NOR"] == 0.0 and "COULOMB" not in own for own in names["GAPS"].values())
+    assert "NO_SLIP" not in names["HELD"] and not any("Left out" in text for text in deck.stated)
 
 
 def _points_of(mesh, group):

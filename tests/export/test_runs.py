@@ -25,6 +25,7 @@ from romdam.timestepping.simulate import simulate_one
 
 BARE = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}
 FRICTION = BARE | {"shear_stiffness": "8 GPa/m", "friction": 0.5}
+ELASTIC = BARE | {"shear_stiffness": "8 GPa/m", "tension_stiffness": BARE["normal_stiffness"]}
 opensees = pytest.mark.skipif(OPENSEES is None, reason="openseespy is not installed")
 ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed")
 
@@ -68,7 +69,9 @@ def test_opensees_has_the_frequencies_to_six_digits(element, tmp_path):
 
 @opensees
 @pytest.mark.slow
-@pytest.mark.parametrize("joint", [BARE, FRICTION | {"gap": "1 mm"}], ids=["frictionless", "friction"])
+@pytest.mark.parametrize(
+    "joint", [BARE, FRICTION | {"gap": "1 mm"}, ELASTIC], ids=["frictionless", "friction", "elastic"]
+)
 def test_opensees_opens_the_joint_as_romdam_does(joint, tmp_path):
     """At a step of 0.25 ms 0.3 and 0.4 % from the converged answer, romdam itself 0.4 and 0.1 %."""
     raw = boxes(joints={"gap": joint})
