@@ -278,9 +278,7 @@ def test_an_elastic_joint_is_springs_along_three_axes(tmp_path):
     sets, law = read_aster(tmp_path / "deck.mail", "job.yaml"), deck.gaps.law
     springs = dict.fromkeys((name for name, _ in names["OPENINGS"]), 0.0)
     found = {point: kind for group, kind in names["TENSION"].items() for point in _points_of(sets, group)}
-    assert [found[name] for name in springs] == pytest.approx(
-        np.column_stack([law.K_nz, law.K_s]), rel=1e-12
-    )
+    assert [found[name] for name in springs] == pytest.approx(np.column_stack([law.K_nz, law.K_s]), rel=1e-12)
     assert all(own["RIGI_NOR"] == 0.0 and "COULOMB" not in own for own in names["GAPS"].values())
     assert "NO_SLIP" not in names["HELD"] and not any("Left out" in text for text in deck.stated)
 

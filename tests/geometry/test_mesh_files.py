@@ -448,10 +448,37 @@ def test_missing_group():
 
 def test_vtu_with_several_integer_arrays(tmp_path):
     block = mesh("tet4")
-    data = {n: [np.arange(len(block.cells))] for n in ("a", "b")}
+    number = np.arange(len(block.cells))
+    data = {"ids": [number], "kind": [7 + number % 2]}
     meshio.Mesh(block.points, [("tetra", block.cells)], cell_data=data).write(tmp_path / "m.vtu")
-    error = error_of("m.vtu", tmp_path, group=1)
-    assert "has 2 integer cell arrays (a, b) and none is named group or region or material" in error
+    file = read_mesh_file(tmp_path / "m.vtu", PLACE)
+    assert list(file.groups)[-2:] == ["kind:7", "kind:8"] and len(file.groups) == len(number) + 2
+    assert file.groups["kind:8"][0].tolist() == number[1::2].tolist()
+    assert file.groups["ids:3"][0].tolist() == [3]
+    assert "none of them named group or region or material: groups are called as ids:0" in file.remarks[-1]
+    assert "group 7 does not exist" in error_of("m.vtu", tmp_path, group=7)
+
+
+def test_vtu_array_that_numbers_the_cells_makes_no_groups_beside_others(tmp_path, monkeypatch):
+    monkeypatch.setattr("romdam.geometry.meshes.formats.vtu._MOST", 3)
+    block = mesh("tet4")
+    number = np.arange(len(block.cells))
+    data = {"ids": [number], "kind": [7 + number % 2]}
+    meshio.Mesh(block.points, [("tetra", block.cells)], cell_data=data).write(tmp_path / "m.vtu")
+    file = read_mesh_file(tmp_path / "m.vtu", PLACE)
+    assert list(file.groups) == ["kind:7", "kind:8"]
+    assert "ids with more than 3 values each make no groups" in file.remarks[-1]
+
+
+def test_vtu_numbers_may_be_padded(tmp_path):
+    block = mesh("tet4")
+    meshio.Mesh(block.points, [("tetra", block.cells)]).write(tmp_path / "m.vtu")
+    text = (tmp_path / "m.vtu").read_bytes()
+    padded = text.replace(b'NumberOfPoints="', b'NumberOfPoints="   ').replace(b'Cells="', b'Cells=" ')
+    assert padded != text
+    (tmp_path / "padded.vtu").write_bytes(padded)
+    plain, other = (read_mesh_file(tmp_path / name, PLACE) for name in ("m.vtu", "padded.vtu"))
+    np.testing.assert_array_equal(plain.cells[0].nodes, other.cells[0].nodes)
 
 
 def test_vtu_group_0_is_a_group(tmp_path):

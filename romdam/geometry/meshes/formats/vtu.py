@@ -20,7 +20,6 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.core.errors import MeshError
 from romdam.core.scene import Ints
 from romdam.geometry.elements import CELLS
 from romdam.geometry.meshes.data import (
@@ -46,6 +45,7 @@ _COMPRESSORS: dict[str, Callable[[], Any]] = {
     "vtkLZMADataCompressor": lambda: lzma.LZMADecompressor(memlimit=1 << 28),
 }
 _PREFERRED = ("group", "region", "material", "CellEntityIds", "gmsh:physical", "nastran:ref", "medit:ref")
+_MOST = 1000  # values of an array among several that makes groups: what has more numbers the cells
 
 
 @dataclass(frozen=True)
@@ -130,11 +130,13 @@ class _Grid:
 def read_vtu(path: Path, location: str) -> MeshFile:
     """Read an unstructured grid; groups are the values of its array of whole numbers over the cells.
 
+    Of several arrays it is the one that is named as groups are; else groups are called by array and value, as
+    `attribute:7`.
+
     Raises
     ------
     MeshError
-        for what is damaged or contradicts itself, several pieces, and several arrays none of which is named
-        as groups are.
+        for what is damaged or contradicts itself, and several pieces.
     """
     location = f"{location}: {path}"
     try:
@@ -148,7 +150,7 @@ def read_vtu(path: Path, location: str) -> MeshFile:
             raise ValueError(f"<Points> has {len(arrays)} arrays, expected 1")
         points = grid.array(arrays[0], _count(piece, "NumberOfPoints"), 3).astype(float)
         cells, rows = _cells(grid, piece)
-        values = _groups(grid, piece, location)
+        tables = _groups(grid, piece)
     except (
         ValueError,
         binascii.Error,
@@ -159,7 +161,22 @@ def read_vtu(path: Path, location: str) -> MeshFile:
     ) as error:
         raise cannot_be_read(location, "vtu", " ".join(str(error).split()) or type(error).__name__) from None
     mesh = checked_mesh(np.arange(len(points)), points, cells, location)
-    return replace(mesh, groups=by_value([values[r] for r in rows]) if len(values) else {})
+    groups = {name: by_value([values[r] for r in rows]) for name, values in tables.items()}
+    if len(groups) < 2:
+        return replace(mesh, groups=next(iter(groups.values()), {}))
+    many = [name for name, of_array in groups.items() if len(of_array) > _MOST]
+    named = {
+        f"{name}:{value}": members
+        for name, of_array in groups.items() if name not in many
+        for value, members in of_array.items()
+    }  # fmt: skip
+    remark = (
+        f"{len(groups)} arrays of whole numbers stand on its cells, none of them named "
+        f"{' or '.join(_PREFERRED[:3])}: groups are called as {next(iter(named), 'none')}"
+    )
+    if many:
+        remark += f"; {', '.join(many)} with more than {_MOST} values each make no groups"
+    return replace(mesh, groups=named, remarks=(*mesh.remarks, remark))
 
 
 def _parse(data: bytes) -> _Grid:
@@ -198,7 +215,7 @@ def _named(piece: ElementTree.Element, name: str) -> ElementTree.Element:
 
 
 def _count(piece: ElementTree.Element, name: str) -> int:
-    word = piece.get(name, "")
+    word = piece.get(name, "").strip()
     if not re.fullmatch(r"\d{1,12}", word):
         raise ValueError(f"{name} is {word!r}, expected a whole number")
     return int(word)
@@ -243,20 +260,14 @@ def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[I
     return cells, rows
 
 
-def _groups(grid: _Grid, piece: ElementTree.Element, location: str) -> Ints:
-    """Values of the array of whole numbers that holds the groups; none where there is no such array."""
+def _groups(grid: _Grid, piece: ElementTree.Element) -> dict[str, Ints]:
+    """Arrays of whole numbers that may hold the groups, by name: one where a name says which."""
     arrays = {
         a.get("Name", ""): a
         for a in piece.findall("CellData/DataArray")
         if "Int" in a.get("type", "") and int(a.get("NumberOfComponents") or 1) == 1
     }
     names = [name for name in arrays if not name.startswith("vtk")]
-    chosen = [name for name in _PREFERRED if name in names] or names
-    if len(names) > 1 and chosen is names:
-        raise MeshError(
-            f"{location} has {len(names)} integer cell arrays ({', '.join(names)}) and none is named "
-            f"{' or '.join(_PREFERRED[:3])}; rename the one that holds the groups"
-        )
-    if not chosen:
-        return np.zeros(0, dtype=np.int64)
-    return grid.array(arrays[chosen[0]], _count(piece, "NumberOfCells")).astype(np.int64)
+    chosen = [name for name in _PREFERRED if name in names][:1] or names
+    count = _count(piece, "NumberOfCells")
+    return {name: grid.array(arrays[name], count).astype(np.int64) for name in chosen}
