@@ -343,7 +343,10 @@ BAD = {
     "m.msh": ("nonsense", "{path} cannot be read as a gmsh file ("),
     "empty.msh": ("", "{path} cannot be read as a gmsh file ("),
     "m.vtu": ("<VTKFile", "{path} cannot be read as a vtu file ("),
-    "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} cannot be read as a nastran file ("),
+    "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} has no nodes"),
+    "cut.bdf": ("GRID,1,,0.,0.,0.\nGRID,2,,0.,1", "it ends in a line without ENDDATA: it was cut"),
+    "stray.bdf": ("+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 1 continues nothing: no entry awaits '+A'"),
+    "twice.bdf": ("+A,7,8\n+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 2 and line 1 both continue '+A'"),
     "m.inp": ("*HEADING\n", "{path} cannot be read as an abaqus file (no *NODE block)"),
     "flat.inp": (
         NODES + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,8,7\n",
@@ -401,6 +404,26 @@ def test_wrong_file(name, tmp_path):
     error = error_of(name, tmp_path)
     assert error.startswith(PLACE)
     assert message.format(path=tmp_path / name) in error
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 0, 2), (1, 2, 0)])
+@pytest.mark.parametrize("end", ["ENDDATA\n", ""])
+def test_nastran_lines_are_continued_by_markers_wherever_they_stand(order, end, tmp_path):
+    """A hexahedron of 20 nodes over three lines, in any order among the grid points."""
+    points = mesh("hex20").points[mesh("hex20").cells[0]]
+    grids = [f"GRID,{k},,{x:g},{y:g},{z:g}" for k, (x, y, z) in enumerate(points, 1)]
+    nodes = np.arange(1, 21)
+    nodes[[*range(12, 16), *range(16, 20)]] = nodes[[*range(16, 20), *range(12, 16)]]  # verticals first
+    lines = [
+        "CHEXA,1,1," + ",".join(map(str, nodes[:6])) + ",+A",
+        "+A," + ",".join(map(str, nodes[6:14])) + ",+B",
+        "+B," + ",".join(map(str, nodes[14:])),
+    ]
+    text = "\n".join([lines[order[0]], *grids[:10], lines[order[1]], *grids[10:], lines[order[2]], end])
+    (tmp_path / "m.bdf").write_text(text)
+    file = read_mesh_file(tmp_path / "m.bdf", PLACE)
+    assert np.asarray(file.tags)[file.cells[0].nodes].tolist() == [list(range(1, 21))]
+    assert ("no ENDDATA" in " ".join(file.remarks)) == (not end)
 
 
 def writer(element):

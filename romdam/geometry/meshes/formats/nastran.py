@@ -287,7 +287,7 @@ def read_nastran(path: Path, location: str) -> MeshFile:
     Raises
     ------
     MeshError
-        for lines that are no entries, an end without ENDDATA, files that include each other.
+        for lines that are no entries, an end in a line, files that include each other.
     """
     location = f"{location}: {path}"
     deck = _Deck()
@@ -297,8 +297,8 @@ def read_nastran(path: Path, location: str) -> MeshFile:
                 deck.after += 1
             else:
                 deck.read(entry)
-        if not deck.ended:
-            raise ValueError("it does not end with ENDDATA: it was cut, or the line is to be added")
+        if not deck.ended and not file_text(path).endswith("\n"):
+            raise ValueError("it ends in a line without ENDDATA: it was cut, or the line is to be added")
         points = deck.in_basic()
         frames = deck.frames(points)
     except ValueError as error:
@@ -317,6 +317,8 @@ def read_nastran(path: Path, location: str) -> MeshFile:
         remarks.append(f"elements that are neither solids nor shells are left out ({listed})")
     if deck.blank:
         remarks.append(f"{deck.blank} grid points leave a coordinate blank, which is read as 0")
+    if not deck.ended:
+        remarks.append("it has no ENDDATA; it is read to its last line")
     if deck.after:
         remarks.append(f"{deck.after} entries after ENDDATA are left out")
     remarks += deck.unread.values()
@@ -385,26 +387,60 @@ def _fields(text: str, where: str) -> _Line:
 
 
 def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
-    """Entries with their continuation lines, which follow them."""
-    entry: _Entry | None = None
+    """Entries with their continuation lines, which follow them or are found by their markers."""
+    entry, waiting, stray = None, list[_Entry](), dict[str, tuple[_Line, _Entry | None]]()
+    unsettled = False  # whether a line below the entry may be its own or another's
     for line in lines:
         if line.name and line.name[0] not in "+*":
-            if entry is not None:
+            if entry is not None and not _marker(entry.marker) and not unsettled:
                 yield entry
+            elif entry is not None:  # a line with its marker may stand elsewhere
+                waiting.append(entry)
+            unsettled = False
+            if line.name == "ENDDATA":
+                yield from _continued(waiting, stray)
+                waiting, stray = [], {}
             entry = _Entry(line.where, line.name, list(line.fields), line.marker)
             continue
-        if entry is None:
+        marker, awaited = _marker(line.name), "" if entry is None else _marker(entry.marker)
+        if entry is not None and (marker in ("", awaited) or (not awaited and marker in stray)):
+            entry.fields += line.fields
+            entry.marker = line.marker
+        elif not marker:
             raise ValueError(f"{line.where} continues nothing")
-        marker, awaited = line.name[1:].lstrip(), entry.marker[1:].lstrip()  # whatever its first column
-        if marker and awaited and marker != awaited and entry.name in _READ:
+        elif marker in stray:
             raise ValueError(
-                f"{line.where} continues {quote(line.name)}, and {quote(entry.marker)} of {entry.name} in "
-                f"{entry.where} is awaited; write continuation lines below their entries"
+                f"{line.where} and {stray[marker][0].where} both continue {quote(line.name)}; give every "
+                "continuation a marker of its own"
             )
-        entry.fields += line.fields
-        entry.marker = line.marker
-    if entry is not None:
-        yield entry
+        else:
+            stray[marker], unsettled = (line, entry), True
+    yield from _continued([*waiting, *([] if entry is None else [entry])], stray)
+
+
+def _continued(entries: list[_Entry], stray: dict[str, tuple[_Line, _Entry | None]]) -> Iterator[_Entry]:
+    """Entries with the lines that their markers await; `stray` holds those, and the entries above them."""
+    for entry in entries:
+        while (found := stray.pop(_marker(entry.marker), None)) is not None:
+            entry.fields += found[0].fields
+            entry.marker = found[0].marker
+    for line, above in stray.values():
+        if above is None:
+            raise ValueError(f"{line.where} continues nothing: no entry awaits {quote(line.name)}")
+        if _marker(above.marker) in ("", _marker(line.name)):  # an entry that names no marker
+            above.fields += line.fields
+            above.marker = line.marker
+        elif above.name in _READ:
+            raise ValueError(
+                f"{line.where} continues {quote(line.name)}, which no entry awaits; {quote(above.marker)} of "
+                f"{above.name} in {above.where} is awaited"
+            )
+    yield from entries
+
+
+def _marker(field: str) -> str:
+    """A continuation's marker, whatever its first column."""
+    return field[1:].lstrip()
 
 
 @cache
