@@ -148,7 +148,7 @@ HAND = {
         "coordinate system 3 refers to itself",
     ),
     # Nastran, refused
-    "cut between elements": ("a.bdf", "\n".join(small().split("\n")[:14]), "it ends in a line without ENDDATA"),
+    "cut between elements": ("a.bdf", "\n".join(small().split("\n")[:14]), "a line without ENDDATA"),
     "no end": ("a.bdf", "\n".join([*grids(), *chexa()]), "it ends in a line without ENDDATA"),
     "after the end": (
         "a.bdf",

@@ -344,6 +344,7 @@ BAD = {
     "empty.msh": ("", "{path} cannot be read as a gmsh file ("),
     "m.vtu": ("<VTKFile", "{path} cannot be read as a vtu file ("),
     "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} has no nodes"),
+    "old.vtu": ("# vtk DataFile Version 3.0\nx\nASCII\n", "it is VTK's older format"),
     "cut.bdf": ("GRID,1,,0.,0.,0.\nGRID,2,,0.,1", "it ends in a line without ENDDATA: it was cut"),
     "stray.bdf": ("+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 1 continues nothing: no entry awaits '+A'"),
     "twice.bdf": ("+A,7,8\n+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 2 and line 1 both continue '+A'"),

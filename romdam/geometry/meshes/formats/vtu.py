@@ -181,6 +181,8 @@ def read_vtu(path: Path, location: str) -> MeshFile:
 
 def _parse(data: bytes) -> _Grid:
     """Cut raw appended bytes out, which are no XML, and parse the rest."""
+    if data.lstrip()[:8] == b"# vtk Da":
+        raise ValueError("it is VTK's older format, which ParaView opens and saves as .vtu")
     match = re.search(rb"<AppendedData[^>]*>", data)
     appended = b""
     if match is not None:
