@@ -34,7 +34,8 @@ from romdam.pipelines.run import (
 from romdam.pipelines.simulation import Model, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.stability import job_after
-from romdam.pipelines.suites.plan import make_plan
+from romdam.pipelines.suites.plan import Plan, make_plan
+from romdam.pipelines.suites.sizes import results_bytes, summary_bytes
 from romdam.pipelines.summary import refuse_summary
 from romdam.records.processing.sequence import members_of, sequence_text
 from romdam.records.record_set import load_motions
@@ -47,6 +48,7 @@ from romdam.timestepping.equilibrium import initial_state
 from romdam.timestepping.simulate import refuse_other_start
 
 _CLOSED = 5  # frequencies with closed joints that are told
+_SAMPLES = 300  # of a suite that are built; the others are estimated
 _LIBRARIES = 250e6  # bytes of memory that they take
 
 # Measured on one core of a 2-core x86-64 machine; good to a factor of three
@@ -151,7 +153,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
 @naming_lines
 def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     """A job with one model."""
-    asked, runs, sibling = job, 1, None
+    asked, plan, sibling = job, None, None
     if job.config.transient.total_accuracy is not None:
         job = with_accuracy(job, job.config.transient.step_accuracy)
     if job.config.model.modes == "auto":
@@ -160,11 +162,10 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     job = with_spacing(job, None)
     if job.config.pipeline == "suite":
         refuse_summary(job, None)
-        plan = make_plan(job, clock)
+        plan = make_plan(job, clock, most=_SAMPLES)
         if failed := [f"{record.name}: {record.message}" for record in plan.records if record.message]:
             raise RecordError("\n".join(failed))
         job, motions = plan.job, list(plan.motions.values())
-        runs = len(plan.first)
         with clock.stage("model", "reducing the blocks"), placed(job.path):
             model = reduced_model(job, plan.scene, store, estimated=True, also=plan.samples.also)
     else:
@@ -197,6 +198,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             refuse_other_start(model.prepared.goes_on_from, [model.prepared])
         elif model.reduced is not None:
             initial_state(model.prepared, settings)
+    runs = len(motions) if plan is None else plan.count
     each = max(1, runs // len(motions))
     total, system, scene = sum(steps.values()) * each, model.system, model.scene
     if model.reduced is None:
@@ -215,12 +217,16 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     most, stride = max(steps.values()), settings.steps.stride
     operators = 8.0 * (system.B.nnz * 2 + float(system.B.shape[0]) ** 2 * 2)
     file_size = row * (total // stride + 1)
+    memory = _LIBRARIES + run_bytes(system, most, most / stride + 1) + 2.0 * basis + operators
+    if plan is not None:
+        file_size = results_bytes(job, scene, system, motions, each)
+        memory += summary_bytes(scene, runs)
+        clock.cpu["samples"] *= runs / len(plan.first)
     if costs:
-        costs |= fixed_costs(job, len(motions), len(scene.joints), file_size, clock.cpu)
+        costs |= fixed_costs(job, len(motions), runs, len(scene.joints), file_size, clock.cpu)
         if store is None:  # else a run finds the reduced blocks
             costs["reduction"] = clock.cpu["model"] + clock.cpu.get("mesh_model", 0.0)
         costs = {name: costs.get(name, 0.0) for name in COSTS}
-    memory = _LIBRARIES + run_bytes(system, most, most / stride + 1) + 2.0 * basis + operators
     return Check(
         blocks={name: _block(model, name) for name in scene.blocks},
         joints={
@@ -259,7 +265,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             for tie in scene.ties
         },
         solvers=tuple(filter(None, _solvers(job, model))),
-        skipped=tuple(_skipped(asked, model, bool(closed), bool(costs))),
+        skipped=tuple(_skipped(asked, model, plan, bool(closed), bool(costs))),
         supports={
             motion.name: {
                 "station": motion.station,
@@ -272,7 +278,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     )
 
 
-def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]:
+def _skipped(job: Job, model: Model, plan: Plan | None, closed: bool, timed: bool) -> Iterator[str]:
     """Tell what a run looks at, and a check does not."""
     yield "whether every time step converges and the energy ledger closes"
     if not timed:
@@ -305,7 +311,12 @@ def _skipped(job: Job, model: Model, closed: bool, timed: bool) -> Iterator[str]
         else:
             why = f"more than {MOST} unknowns" if model.system.size > MOST else "the water has waves"
         yield f"frequencies with closed joints: {why}; `romdam modes --joints bonded`"
-    if job.config.pipeline == "suite":
+    if plan is not None:
+        if plan.distinct is not None:
+            yield (
+                f"the {plan.distinct} samples but for {len(plan.samples.values)}, the least and the largest "
+                "value of each parameter among them; the estimates are for all"
+            )
         yield "equilibrium at rest of each sample; blocks and joints are those of the file's own values"
     yield "room on the disk"
 

@@ -34,6 +34,7 @@ _LONGER = 3.0  # times as long they are at least, so that the start counts littl
 # s of CPU, from 0.6 to 1.5 times as much by the machine and its other work
 _START = 3.0  # to load libraries and compiled code
 _RESULTS = 0.7  # to write a result, or a summary
+_ROW = 3.5e-3  # to make the model of a suite's sample and the row of a run
 _BYTES = 2.3e-8  # for each byte of a result
 _FIGURES = 1.0  # to draw the figures of a result
 _JOINT_FIGURES = 0.6  # for each of its joints
@@ -84,16 +85,19 @@ def run_costs(
 
 
 def fixed_costs(
-    job: Job, records: int, joints: int, file_size: float, stages: Mapping[str, float]
+    job: Job, records: int, runs: int, joints: int, file_size: float, stages: Mapping[str, float]
 ) -> dict[str, float]:
     """CPU seconds of a command whatever the length of its records: start, results and figures.
 
     Parameters
     ----------
+    runs : of all records
     file_size : of all results [bytes]
     stages : CPU seconds of the stages of a check that a run has too
     """
-    costs = {"start": _START + stages.get("records", 0.0) + stages.get("scene", 0.0)}
+    costs = {"start": _START + sum(stages.get(name, 0.0) for name in ("records", "scene", "samples"))}
+    if job.config.pipeline == "suite":
+        costs["results"] = _ROW * runs
     if job.config.pipeline == "run":
         costs["results"] = _RESULTS * (records + (records > 1)) + _BYTES * file_size
         drawn = records if job.config.outputs.plots else 0

@@ -152,5 +152,7 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
     found = cost.run_costs(job, Reduced(system=SimpleNamespace(law=None)), motions, runs=5)
     assert found["integration"] == pytest.approx(40.0) and found["estimate"] == pytest.approx(30.0)
     assert found["stress"] == pytest.approx(20.0, abs=0.1)
-    fixed = cost.fixed_costs(job, records=2, joints=5, file_size=1e8, stages={"records": 0.5, "scene": 1.0})
+    fixed = cost.fixed_costs(
+        job, records=2, runs=2, joints=5, file_size=1e8, stages={"records": 0.5, "scene": 1.0}
+    )
     assert fixed == pytest.approx({"start": 4.5, "results": 3 * 0.7 + 2.3, "figures": 2 * (1.0 + 5 * 0.6)})

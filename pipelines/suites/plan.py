@@ -19,6 +19,7 @@ from romdam.config.load import Job, located
 from romdam.config.parameters import vary
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.arrays import Floats
+from romdam.core.counted import Counted
 from romdam.core.errors import ConfigError, RecordError
 from romdam.core.fingerprint import code_digest, fingerprint, scene_content
 from romdam.core.motion import GroundMotion
@@ -28,14 +29,22 @@ from romdam.fem.gaps import gap_law
 from romdam.pipelines.floor_spectra import refuse_fast_oscillators
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
-from romdam.pipelines.run import Clock, choose_mesh_and_modes
+from romdam.pipelines.run import Clock, Progress, choose_mesh_and_modes
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.suites.kept import KeptResults
+from romdam.pipelines.suites.sizes import history_bytes, refuse_many
 from romdam.pipelines.suites.tasks import Run, Samples, Suite, Task, sample_content
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.components import check_components
 from romdam.records.record_set import Loaded, usable_apart
-from romdam.results.suite.design import design_dataset, no_factors, scale_count, scale_factors, varied_keys
+from romdam.results.suite.design import (
+    design_dataset,
+    no_factors,
+    scale_count,
+    scale_factors,
+    some_samples,
+    varied_keys,
+)
 from romdam.results.suite.hazard_table import suite_hazard
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
 from romdam.results.suite.rows import Row, source_of_rows
@@ -48,7 +57,6 @@ log = logging.getLogger(__name__)
 LAYOUT = "romdam-suite-2"
 TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated together
 MOST_TOGETHER = 32
-_COPIES = 3.0  # of a history while it is made, compared and written
 
 # of a joint, what samples may vary: it stands in the key of each
 _OF_SAMPLES = {"gap", "K_n", "K_nz", "K_s", "mu", "viscosity", "grout", "laws"}
@@ -65,6 +73,7 @@ class Plan:
     records : all of them, in order
     samples, design : what the samples vary; the same as a Dataset
     runs : of the records that can be used, in the order of the design
+    distinct : samples that differ, where `samples` are some of the design's; None where they are all
     considered : records of entries with a target, those that were passed over too
     mesh_statement : of the error of the mesh that `transient.accuracy.total` has chosen
     """
@@ -75,6 +84,7 @@ class Plan:
     samples: Samples
     design: xr.Dataset
     runs: list[Run]
+    distinct: int | None = None
     considered: tuple[Loaded, ...] = ()
     mesh_statement: ErrorStatement | None = None
 
@@ -84,13 +94,26 @@ class Plan:
         return {run.key: run for run in reversed(self.runs)}
 
     @property
+    def count(self) -> int:
+        """Count the runs that differ, of all samples of the design."""
+        if self.distinct is None:
+            return len(self.first)
+        return self.distinct * sum(
+            len(record.factors) for record in self.records if record.motion is not None
+        )
+
+    @property
     def motions(self) -> dict[str, GroundMotion]:
         """Record -> its motion, of those that can be used."""
         return {record.name: record.motion for record in self.records if record.motion is not None}
 
 
-def make_plan(job: Job, clock: Clock) -> Plan:
+def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
     """Read everything that a suite needs, and find what is wrong with it.
+
+    Parameters
+    ----------
+    most : samples that are built, those with the least and the largest values first; all if not given
 
     Raises
     ------
@@ -127,42 +150,58 @@ def make_plan(job: Job, clock: Clock) -> Plan:
     motions = [record.motion for record in records if record.motion is not None]
     log_warnings(job, ())  # of the records there may be hundreds
     job, choice = choose_mesh_and_modes(job, motions, clock)
+    distinct = None
+    if most is not None and sample_count > most:
+        design, distinct = some_samples(design, most)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = Samples(
         places,
-        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(sample_count)),
+        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(design.sizes["sample"])),
     )
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
         job = log_scene_warnings(scene, job)
-        # the basis is of the joints of a sample with shear, if there is one
-        basis, contents = None if samples.places else scene, []
+        refuse_many(job, scene, len(motions) * scales * sample_count)
         if samples.structural:
             samples = replace(samples, also=extreme_scenes(job, samples, columns))
-        for number in range(sample_count):
-            sample_scene, varied = samples.scene(job, scene, number)
-            if varied.structure:
-                part_factors(scene, sample_scene, str(job.path))
-            if basis is None and gap_law(sample_scene).directions == 3:
-                basis = (
-                    vary_scene(sample_scene, job.config, str(job.path)) if varied.structure else sample_scene
-                )
-            contents.append(sample_content(sample_scene, varied))
-        scene = basis or scene
-    samples = replace(samples, contents=tuple(contents))
-    runs = _runs(records, _model_key(job, scene, samples.also or ()), contents)
+    with clock.stage("samples", Counted(len(samples.values), "samples")) as progress:
+        samples, scene = built_samples(job, scene, samples, progress)
+    runs = _runs(records, _model_key(job, scene, samples.also or ()), samples.contents)
     # a summary without runs, written to nowhere: a name that it cannot hold is found before the first run
     unmeasured = [replace(record, motion=None) for record in records]
     with TemporaryDirectory() as folder:
         try:
-            write_summary(summary_dataset(job, scene, design, unmeasured, {}), Path(folder))
+            write_summary(summary_dataset(job, scene, design.isel(sample=[0]), unmeasured, {}), Path(folder))
         except (ValueError, TypeError) as error:
             raise ConfigError(
                 f"{job.path}: the title or a name cannot be written to a NetCDF file ({error}); use "
                 "plain letters"
             ) from error
     statement = None if choice is None else choice.statement
-    return Plan(job, scene, records, samples, design, runs, tuple(considered), statement)
+    return Plan(job, scene, records, samples, design, runs, distinct, tuple(considered), statement)
+
+
+def built_samples(job: Job, scene: Scene, samples: Samples, progress: Progress) -> tuple[Samples, Scene]:
+    """Samples with their contents, and the scene of which the basis is made.
+
+    It has the joints of the first sample with shear, if there is one: its basis serves all samples.
+
+    Raises
+    ------
+    ConfigError
+        for values that do not fit together, and parts that do not change as a whole.
+    """
+    basis, contents = None if samples.places else scene, list[str]()
+    count = len(samples.values)
+    for number in range(count):
+        sample_scene, varied = samples.scene(job, scene, number)
+        if varied.structure:
+            part_factors(scene, sample_scene, str(job.path))
+        if basis is None and gap_law(sample_scene).directions == 3:
+            basis = vary_scene(sample_scene, job.config, str(job.path)) if varied.structure else sample_scene
+        contents.append(sample_content(sample_scene, varied))
+        progress(number + 1, count)
+    return replace(samples, contents=tuple(contents)), basis or scene
 
 
 def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) -> tuple[Scene, ...]:
@@ -324,7 +363,7 @@ def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
     missing = [run for key, run in plan.first.items() if key not in done]
     for run in sorted(missing, key=order):
         motion = motions[run.record]
-        size = history_bytes(suite, motion)
+        size = history_bytes(suite.job, suite.model.system, motion)
         fresh = not groups or motions[groups[-1][0].record].dt != motion.dt
         if fresh or len(groups[-1]) >= most or (suite.config.batch is None and size > room):
             groups.append([])
@@ -333,22 +372,3 @@ def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
         room -= size
     groups.sort(key=lambda group: -sum(motions[run.record].acc.shape[1] for run in group))
     return [Task(tuple(group), {run.record: motions[run.record] for run in group}) for group in groups]
-
-
-def history_bytes(suite: Suite, motion: GroundMotion) -> float:
-    """Memory of a run while it is made."""
-    return _COPIES * written_rows(suite.job, motion) * row_bytes(suite)
-
-
-def written_rows(job: Job, motion: GroundMotion) -> int:
-    """Rows of a run's result."""
-    transient = job.config.transient
-    duration = motion.duration if transient.duration is None else transient.duration
-    return int(duration / (job.config.outputs.output_interval or transient.finest_step or motion.dt)) + 1
-
-
-def row_bytes(suite: Suite) -> float:
-    """Bytes of one written row of a result: gaps, observed nodes, coordinates."""
-    system = suite.model.system
-    jumps = system.B.shape[0]
-    return 8.0 * (3 * jumps + len(system.law) / 8 + 3 * system.observe.shape[0] + system.size + 12)

@@ -10,7 +10,6 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.load import Job, Source, load_config, naming_lines
-from romdam.config.sections.suite import KeepConfig
 from romdam.core.counted import Counted
 from romdam.core.errors import placed
 from romdam.core.files import prepare_folder, private_folder, sweep_parts
@@ -22,9 +21,10 @@ from romdam.pipelines.suites.cluster import Pool, open_pool
 from romdam.pipelines.suites.folder import leftovers, of_no_run, suite_lock
 from romdam.pipelines.suites.kept import write_kept
 from romdam.pipelines.suites.mesh_error import state_mesh_error
-from romdam.pipelines.suites.plan import Plan, finished, make_plan, row_bytes, tasks_of, written_rows
+from romdam.pipelines.suites.plan import Plan, finished, make_plan, tasks_of
 from romdam.pipelines.suites.progress import watched
 from romdam.pipelines.suites.runs import run_task
+from romdam.pipelines.suites.sizes import results_bytes, summary_bytes
 from romdam.pipelines.suites.tasks import Suite
 from romdam.pipelines.summary import refuse_summary, write_summary_files
 from romdam.records.record_set import write_choice
@@ -40,8 +40,6 @@ from romdam.results.suite.summary import (
 )
 
 log = logging.getLogger(__name__)
-
-_ROW = 4e3  # bytes of the objects of a row, beside its numbers
 
 
 @dataclass(frozen=True)
@@ -199,14 +197,9 @@ def _make_missing(
 
 def _announcement(suite: Suite, plan: Plan, missing: int, folder: Path) -> str:
     """Announce the runs that are going to be made, and their size."""
-    gaps, joints, runs = len(suite.model.system.law), len(suite.model.scene.joints), plan.runs
-    row = 8.0 * (8 * joints + 20 + 3 * len(suite.model.scene.probes))
-    size, memory = len(runs) * (32.0 * gaps + 3.0 * row), len(runs) * (_ROW + 20.0 * gaps + 2.0 * row)
-    if suite.keeps_results:
-        single = isinstance(suite.config.keep, KeepConfig) and suite.config.keep.precision == "single"
-        motions = plan.motions
-        rows = sum(written_rows(suite.job, motions[run.record]) for run in runs)
-        size += rows * row_bytes(suite) * (0.5 if single else 1.0)
+    runs, motions, scene = plan.runs, plan.motions, suite.model.scene
+    memory = summary_bytes(scene, len(runs))
+    size = results_bytes(suite.job, scene, suite.model.system, motions.values(), len(runs) / len(motions))
     before = f", {len(runs) - missing} of them there already" if missing < len(runs) else ""
     return (
         f"{len(runs)} runs{before}; up to {max(1.0, size / 1e6):.0f} MB in {folder}, "

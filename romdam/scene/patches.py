@@ -44,7 +44,7 @@ _ON_CIRCLE = 1e-6  # angle by which four points may be off a circle [rad]
 _SLIVER = 1e-6  # of the square of its longest side: area of a triangle that is none
 _CHUNK = 4_000_000  # numbers at a time
 _FINEST = 100.0  # spacings between two nodes, beyond which nothing can be meant by one
-_DENSE = 3  # matrices of all nodes by all contact points at a time
+_DENSE = 5  # matrices of all nodes by all contact points at a time
 
 
 def coarsen_gaps(

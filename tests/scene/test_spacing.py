@@ -1,6 +1,7 @@
 """`spacing`: gaps farther apart than the nodes, each for a patch of the face."""
 
 import json
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +25,7 @@ from romdam.pipelines.check import check
 from romdam.pipelines.input_motions import records_of, usable
 from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
+from romdam.scene import joints, patches
 from romdam.scene.build import build_scene
 from romdam.scene.joints import local_axes
 from romdam.scene.mortar.surface import Surface
@@ -71,6 +73,35 @@ def test_a_spacing_far_below_the_distance_of_the_nodes_is_refused(make, spacing)
         ConfigError, match=r"joints.c.spacing: .* of the distance of the nodes, 0.\d+ m, limit"
     ):
         make(floating_pair(spacing=spacing))
+
+
+def test_memory_of_gaps_apart_is_estimated_before_it_is_taken(make, monkeypatch):
+    """The face has 41 x 121 nodes."""
+    asked = []
+    whole = coarsen_gaps
+
+    def traced(*args):
+        tracemalloc.start()
+        try:
+            joint = whole(*args)
+            asked.append((tracemalloc.get_traced_memory()[1], len(joint.area)))
+        finally:
+            tracemalloc.stop()
+        return joint
+
+    keys = {"spacing": 0.2}
+    raw = floating_pair(**keys)
+    for block in raw["blocks"].values():
+        block["box"]["element_size"] = [0.1, 2.0, 0.1]
+    monkeypatch.setattr(joints, "coarsen_gaps", traced)
+    make(raw)
+    ((peak, gaps),) = asked
+    assert gaps > 1000
+    estimate = 8.0 * patches._DENSE * 41 * 121 * gaps
+    assert 0.8 < peak / estimate < 1.2
+    monkeypatch.setattr(patches, "memory_limit", lambda limit: 0.9 * estimate)
+    with pytest.raises(ConfigError, match=rf"joints.c.spacing: {gaps} gaps for 4961 nodes take .* GB"):
+        make(raw)
 
 
 def forces_on(scene, pressure):

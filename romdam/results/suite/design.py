@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from romdam.config.sections.suite import (
     LatinHypercubeConfig,
     MonteCarloConfig,
     ParameterConfig,
+    RandomDesign,
     SobolIndicesConfig,
     SuiteConfig,
 )
@@ -24,6 +24,7 @@ from romdam.core.arrays import Floats
 from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError, RecordError, quote
 from romdam.core.fingerprint import fingerprint
+from romdam.core.machine import memory_limit, shown_size
 from romdam.core.motion import GroundMotion
 from romdam.postprocess.record_measures import intensity
 from romdam.postprocess.responses import PARAMETER
@@ -41,6 +42,7 @@ from romdam.results.suite.sampling import (
 )
 
 _MOST_TABLE = 1e9  # bytes
+_COPIES = 10.0  # of the numbers of random samples while they are drawn and correlated
 
 
 def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
@@ -89,6 +91,7 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         for values that a key would not take, and tables that do not fit.
     """
     source, design = str(job.path), suite.design
+    _refuse_large(suite, source)
     if isinstance(design, DesignTableConfig):
         values = _table(job.folder / design.table, places)
         kind = f"table {design.table.name}"
@@ -106,8 +109,8 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         kind = f"Sobol' indices, {design.sobol_indices} base samples, seed {design.seed}"
     else:
         levels = [_levels(name, each, places[name], source) for name, each in suite.parameters.items()]
-        rows = list(itertools.product(*levels))
-        values = {name: np.array([row[i] for row in rows]) for i, name in enumerate(suite.parameters)}
+        grid = np.meshgrid(*levels, indexing="ij")
+        values = {name: column.ravel() for name, column in zip(suite.parameters, grid, strict=True)}
         kind = "full grid"
     count = len(next(iter(values.values()))) if values else 1
     data = {
@@ -120,6 +123,21 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         attributes[BASE_SAMPLES] = design.sobol_indices
     sample = ("sample", np.arange(count), {"units": "1", "long_name": "number of the sample"})
     return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
+
+
+def _refuse_large(suite: SuiteConfig, source: str) -> None:
+    """Refuse random samples that do not fit in memory while they are drawn."""
+    if not isinstance(suite.design, RandomDesign):
+        return
+    parameters = len(suite.parameters)
+    samples = suite.design.samples(parameters)
+    need, limit = _COPIES * 8.0 * samples * parameters, memory_limit(None)
+    if need > limit:
+        raise ConfigError(
+            f"{source}: suite.design: {samples} samples of {parameters} parameters take about "
+            f"{shown_size(need)} of memory, limit {shown_size(limit)} (four fifths of this machine's); take "
+            f"{samples * limit / need:.2g} samples at most, or vary fewer parameters"
+        )
 
 
 def _levels(name: str, parameter: ParameterConfig, key: VariedKey, source: str) -> Floats:
@@ -277,6 +295,20 @@ def _table(path: Path, places: Mapping[str, VariedKey]) -> dict[str, Floats]:
             raise ConfigError(f"{table.at(texts.index(''))}: no value for {name}")
         values[name] = np.array([si_value(key, text, name, table.at(k)) for k, text in enumerate(texts)])
     return values
+
+
+def some_samples(design: xr.Dataset, most: int) -> tuple[xr.Dataset, int]:
+    """Samples of a design with the least and the largest value of each parameter, and others between.
+
+    Returns
+    -------
+    the design of about `most` of its samples, and the number of samples that differ in all of it
+    """
+    values = np.stack([column.values for column in design.data_vars.values()], axis=1)
+    extremes = [*values.argmin(axis=0), *values.argmax(axis=0)]
+    between = np.linspace(0, len(values) - 1, max(2, most - len(extremes))).astype(int)
+    chosen = np.unique([*extremes, *between])
+    return design.isel(sample=chosen), len(np.unique(values, axis=0))
 
 
 def scale_count(suite: SuiteConfig) -> int:
