@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from romdam.reduction.synthesis import reduce_scene
 from romdam.results.variables import COORDINATES, Case
 from romdam.scene.build import build_scene
 from romdam.timestepping.equilibrium import static_equilibrium
-from romdam.timestepping.grouting import grouted
+from romdam.timestepping.grouting import _filled_at_points, grouted
 
 PRESSURE = 0.4e6
 
@@ -139,6 +140,38 @@ def test_grouted_joints_hold_no_shear_at_rest(order, law):
     after = grouted(system, 1e-12)
     assert np.abs(after.law.slip).max() > 1e-6  # what it counts from is not where the blocks stood
     assert_pressure_alone(scene, after, static_equilibrium(after, 1e-12)[1])
+
+
+def test_a_gap_that_the_other_joint_closes_keeps_what_it_bears():
+    """J2 is grouted at ten times the pressure of J1 and closes that: grout and contact add up in its gaps.
+
+    (K + B1^T k B1) q = (B1^T p1 + B2^T p2) A with all gaps of J1 closed, which the solution confirms.
+    """
+    low, high = 0.1 * PRESSURE, PRESSURE
+    scene, system = three_blocks("full", grouting_pressure=low, second={"grouting_pressure": high})
+    J1, J2 = (joint.area for joint in scene.joints.values())
+    B, k = system.B.toarray(), 2e10 * J1
+    B1, B2 = B[: len(J1)], B[len(J1) :]
+    q = np.linalg.solve(system.K.toarray() + B1.T @ (k[:, None] * B1), B1.T @ (low * J1) + B2.T @ (high * J2))
+    assert (B1 @ q < 0.0).all() and (B2 @ q > 0.0).all()
+    after = grouted(system, 1e-12)
+    found, gaps = static_equilibrium(after, 1e-12)
+    assert found == pytest.approx(q, rel=1e-8, abs=1e-12 * np.abs(q).max())
+    assert gaps.force[: len(J1), 0] == pytest.approx(low * J1 - k * (B1 @ q), rel=1e-8)
+    assert gaps.force[len(J1) :, 0] == pytest.approx(high * J2, rel=1e-8)
+
+
+def test_grout_fills_what_is_open_where_the_joint_is_looked_at():
+    """[mm]: gaps open by 2, -0.3, 2, and 2 without grout; at their positions by 0.5, 0.5, -3 and 0.5 more.
+
+    Of 2.5, 0.2 and -1 at the position 2.5, 0.2 and 0 are filled, and 2, 0 and 2 are off already.
+    """
+    more = 1e-3 * np.array([0.5, 0.5, -3.0, 0.5])
+    at_rest = 1e-3 * np.array([2.0, -0.3, 2.0, 2.0])
+    system = SimpleNamespace(at_point=np.diag(more), law=SimpleNamespace(directions=1))
+    fills = np.array([True, True, True, False])
+    shift = _filled_at_points(system, np.ones(4), at_rest[:, None], fills)
+    assert shift == pytest.approx(1e-3 * np.array([-0.5, -0.2, 2.0, 0.0]), abs=1e-18)
 
 
 @pytest.mark.parametrize("integrator", ["modal", "adaptive", "generalized_alpha"])

@@ -8,9 +8,11 @@ import pytest
 from scene_builders import box
 
 from romdam.config import parse_config
+from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError
 from romdam.scene.build import build_scene
+from romdam.scene.joint_water.diagram import Diagram, Outline
 from romdam.scene.joints import with_properties
 
 RHO_G = 1000.0 * 9.81
@@ -96,6 +98,21 @@ def test_resultant_and_moment_are_those_of_the_diagram(diagram, mesh):
     assert joint.water_resultant == pytest.approx([0.0, 0.0, force], rel=1e-12, abs=1e-6)
     arm = joint.position[:, 1] - HEEL
     assert joint.water @ arm == pytest.approx(moment, rel=1e-12)
+
+
+def test_a_crack_before_the_drains_lets_in_the_reservoir():
+    """EM 1110-2-2200: H1 in the crack of length T, H2 + (1 - E) (H1 - H2) (L - X) / (L - T) at the drains."""
+    tip, drained = 1.1, H2 + 0.6 * (H1 - H2) * (LENGTH - AT) / (LENGTH - 1.1)
+    corners = [[0, HEEL], [WIDTH, HEEL], [WIDTH, HEEL + LENGTH], [0, HEEL + LENGTH]]
+    ring = np.array([[x, y, BASE] for x, y in corners], dtype=float)
+    outline = Outline(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1), *np.eye(3)[[1, 0]])
+    drains = {"at": AT, "rule": "usace", "effectiveness": 0.4}
+    config = JointWaterConfig.model_validate(water(tailwater=TAIL, drains=drains), context={"si": True})
+    diagram = Diagram(config, RHO_G, outline, np.array([[0.0, tip], [WIDTH, tip]]))
+    x = np.array([0.3, tip, 1.9, AT, 7.0, LENGTH - 1e-9])
+    points = np.column_stack([np.full_like(x, 1.0), HEEL + x, np.full_like(x, BASE)])
+    expected = np.interp(x, [0.0, tip, AT, LENGTH], [H1, H1, drained, H2])
+    assert diagram.pressure(points) == pytest.approx(RHO_G * expected, rel=1e-8)
 
 
 def test_a_slanted_direction_counts_along_itself():

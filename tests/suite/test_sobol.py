@@ -58,6 +58,19 @@ def test_ishigami_has_its_closed_form():
     assert found.attrs["statement"] == "" and int(found["count"]) == 1024
 
 
+def test_weighted_samples_are_samples_that_stand_there_as_often():
+    """As a bootstrap draws them: the mean of the drawn ones, not that of all, is taken off their variance."""
+    base = 64
+    f = 3.0 + ishigami(sobol_matrices(base, 3, 5)).reshape(5, 1, base)
+    drawn = np.random.default_rng(2).multinomial(base, np.arange(base) / np.arange(base).sum())
+    first, total = sobol_estimates(f[0], f[1], f[2:], drawn[None].astype(float))
+    a, b, *mixed = np.repeat(f[:, 0], drawn, axis=1)
+    variance = np.mean([a**2, b**2]) - np.mean([a, b]) ** 2
+    middle = np.mean(f[:2])
+    assert total[0] == approx([np.mean((a - m) ** 2) / 2 / variance for m in mixed], rel=1e-12)
+    assert first[0] == approx([np.mean((b - middle) * (m - a)) / variance for m in mixed], rel=1e-12)
+
+
 def test_indices_are_those_of_scipy():
     base, k = 256, 3
     found = sobol_indices(suite_of(ishigami, base, k), "peak_opening").isel(scale=0)
