@@ -4,10 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scene_builders import box
 
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.scene import Absorbing, Block, Material
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
+from romdam.fem.balance import balance_at_rest
 from romdam.fem.column import wave_moduli
 from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_drag
 from romdam.fem.loads import thermal_force
@@ -96,3 +98,23 @@ def test_a_thin_slab_is_straight_between_its_faces(through, thickness):
     """Within round-off of no thickness, and of some: 3/4 of the upstream face's temperature at a quarter."""
     upstream, downstream = slab_weights(np.array([0.25]), np.array([thickness]), 3.2e7, 1e-6, through)
     assert upstream[0] == pytest.approx(0.75, abs=1e-6) and downstream[0] == pytest.approx(0.25, abs=1e-6)
+
+
+@pytest.mark.parametrize("dam", [{"b"}, {"a", "b"}])
+def test_weights_balance_about_the_middle_of_the_dam(dam, make):
+    """W x arm of two blocks that stand apart, about the middle of the box around the dam's."""
+    raw = {
+        "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {"a": box([0, 0, 0], [2, 1, 3], 1.0), "b": box([5, 0.5, 0], [1, 1, 5], 1.0)},
+        "supports": [{"block": name, "face": "zmin"} for name in "ab"],
+        "loads": {"gravity": [0, 0, -9.7]},
+    }
+    found = balance_at_rest(make(raw), np.zeros((0, 1)), np.zeros(0), dam)
+    W = {"a": 2400 * 6 * 9.7, "b": 2400 * 5 * 9.7}
+    middle = {"a": np.array([1, 0.5, 1.5]), "b": np.array([5.5, 1.0, 2.5])}
+    about = np.array([3.0, 0.75, 2.5]) if len(dam) == 2 else middle["b"]
+    moment = sum(np.cross(middle[name] - about, [0.0, 0.0, -W[name]]) for name in dam)
+    assert found.about[0] == pytest.approx(about)
+    expected = [0.0, 0.0, -sum(W[name] for name in dam), *moment]
+    assert found.loads[0] == pytest.approx(expected, rel=1e-9, abs=1e-6)
+    assert found.supports[0] == pytest.approx(np.negative(expected), rel=1e-9, abs=1e-6)
