@@ -1,44 +1,18 @@
 """Faults that the tests must notice: slips of a programmer in code that computes numbers, room by room.
 
 `mutants.py` plants each into a copy of the tree. The texts must stand in their files exactly once; when code
-moves, the text here moves with it (`tests/test_mutants_table.py` says which).
+moves, the text here moves with it (`tests/test_mutants_table.py` says which). `more_faults.py` has others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
-COMPILED = ("contact", "records", "timestepping")  # rooms whose compiled functions follow from their files
+from fault import COMPILED, Fault, faults_in
+from more_faults import MORE_FAULTS
 
-
-@dataclass(frozen=True)
-class Fault:
-    """One text of a file in place of another.
-
-    Attributes
-    ----------
-    room : of the file, which is `file` from the room on
-    file : path from the root of the tree
-    old : text that stands there exactly once
-    new : what is put in its place
-    tests : what is run, as pytest takes it: narrow, some seconds
-    """
-
-    room: str
-    file: str
-    old: str
-    new: str
-    tests: tuple[str, ...]
-
-
-def _in(file: str, tests: tuple[str, ...], *pairs: tuple[str, str]) -> list[Fault]:
-    """Faults of one file of the package, or of `pipelines/`."""
-    room = file.partition("/")[0]
-    path = file if room == "pipelines" else f"romdam/{file}"
-    return [Fault(room, path, old, new, tests) for old, new in pairs]
-
+__all__ = ["COMPILED", "FAULTS", "Fault", "misplaced"]
 
 _SLOW = ("-k", "not peer_record and not pyrotd and not eqsig and not p695")  # of these files, and not needed
 _RECORDS = ("tests/records/test_values_by_hand.py",)
@@ -59,17 +33,17 @@ _FIGURES = ("tests/results/test_run_report.py", "-k", "own_rows or worst_of or i
 _UNITS = ("tests/config/test_unit_tables.py",)
 
 _FAULTS = [
-    *_in(
+    *faults_in(
         "timestepping/construction.py",
         _UGLY,
         ("slip[gaps] = -(system.B @ q)", "slip[gaps] = (system.B @ q)"),
     ),
-    *_in(
+    *faults_in(
         "scene/build.py",
         _UGLY,
         ("if np.any(changes.get(name, 0.0))},", "if name in config.loads.temperature},"),
     ),
-    *_in(
+    *faults_in(
         "scene/ground/motion_along.py",
         _UGLY,
         (
@@ -77,7 +51,7 @@ _FAULTS = [
             "station.delay, config.stations[-1 - k].factor, station=",
         ),
     ),
-    *_in(
+    *faults_in(
         "effects/added_mass.py",
         _UGLY,
         (
@@ -85,22 +59,22 @@ _FAULTS = [
             "below = np.maximum(x[..., 2] - water.level + water.depth, 0.0)",
         ),
     ),
-    *_in(
+    *faults_in(
         "scene/construction.py",
         _UGLY,
         ("inside = (z >= low) & (z < high)", "inside = (z > low) & (z <= high)"),
     ),
-    *_in(
+    *faults_in(
         "config/sections/loads.py",
         _UGLY,
         ("abs(self.gravity[2])) or 9.81", "9.81) or 9.81"),
     ),
-    *_in(
+    *faults_in(
         "results/joint_traction.py",
         _UGLY,
         ("select = 0.5 * _on_plane", "select = (1.0 - side) * _on_plane"),
     ),
-    *_in(
+    *faults_in(
         "results/sliding.py",
         _RESULTS,
         (
@@ -108,24 +82,24 @@ _FAULTS = [
             'c.history.bonded) * c.of_gaps("area").mean(),\n',
         ),
     ),
-    *_in(
+    *faults_in(
         "core/display_units.py",
         _UNITS,
         ("_INCH**3", "_FOOT**3"),
     ),
-    *_in(
+    *faults_in(
         "visual/report/sections.py",
         ("tests/suite/test_report.py", "-k", "unlike_parts"),
         ("np.sum(list(errors.values()), axis=0)", "np.max(list(errors.values()), axis=0)"),
     ),
-    *_in(
+    *faults_in(
         "records/processing/correction_steps.py",
         _RECORDS,
         ("@ coefficients[1:] / ((n - 1) * dt)", "@ coefficients[1:] / (n * dt)"),
         ("np.ceil(1.5 * order / corner / dt)", "np.ceil(order / corner / dt)"),
         ("slope = (time[:, None] >= starts)", "slope = (time[:, None] > starts)"),
     ),
-    *_in(
+    *faults_in(
         "records/processing/integrate.py",
         _RECORDS,
         (
@@ -133,21 +107,21 @@ _FAULTS = [
             "dt**2 / 4.0 * (acc[..., :-1] + acc[..., 1:])",
         ),
     ),
-    *_in(
+    *faults_in(
         "records/processing/resampling.py", _RECORDS, ("spectrum[..., -1] *= 0.5", "spectrum[..., -1] *= 1.0")
     ),
-    *_in(
+    *faults_in(
         "records/processing/corners.py",
         (*_RECORDS, "tests/records/test_record_changes.py", *_SLOW),
         ("10.0 ** (1.5 * magnitude + 16.05)", "10.0 ** (1.5 * magnitude + 16.1)"),
     ),
-    *_in(
+    *faults_in(
         "records/measures.py",
         _RECORDS,
         ("significant_duration(rows, dt, 0.05, 0.75)", "significant_duration(rows, dt, 0.05, 0.7)"),
         ("- (row[after] - level) / rise", "- 0.0 * (row[after] - level) / rise"),
     ),
-    *_in(
+    *faults_in(
         "records/spectra.py",
         (*_RECORDS, "tests/records/test_record_measures.py", *_SLOW),
         (
@@ -155,12 +129,12 @@ _FAULTS = [
             "undecayed = x * np.cos(omega_d * t) + (rate)",
         ),
     ),
-    *_in(
+    *faults_in(
         "records/components.py",
         _RECORDS,
         ("np.sqrt(combined[0] * combined[1])", "0.5 * (combined[0] + combined[1])"),
     ),
-    *_in(
+    *faults_in(
         "records/processing/offset.py",
         ("tests/records/test_record_changes.py", *_SLOW),
         (
@@ -168,12 +142,12 @@ _FAULTS = [
             "half = acc.shape[-1], max(1, round(WINDOW / dt))",
         ),
     ),
-    *_in(
+    *faults_in(
         "records/clipping.py",
         ("tests/records/test_clipping.py", *_SLOW),
         ("TOP * np.max(around)) |", "TOP * np.max(around)) &"),
     ),
-    *_in(
+    *faults_in(
         "geometry/facets.py",
         _GEOMETRY,
         ("middle = dA @ at / dA.sum()", "middle = at.mean(axis=0)"),
@@ -182,12 +156,12 @@ _FAULTS = [
             "np.add.at(total, facets, facet_normals(points, facets)[:, None, :])",
         ),
     ),
-    *_in(
+    *faults_in(
         "geometry/facets.py",
         ("tests/geometry/test_gap_weights.py", "-k", "consistent_force"),
         ("linear.rule_of(5 if linear.box else 8)", "linear.rule_of(2 if linear.box else 4)"),
     ),
-    *_in(
+    *faults_in(
         "geometry/gravity_dam.py",
         _GEOMETRY,
         (
@@ -195,131 +169,131 @@ _FAULTS = [
             "after = walls[:, -1:] + down * config.rock.downstream",
         ),
     ),
-    *_in(
+    *faults_in(
         "geometry/arch_dam/shape.py",
         _GEOMETRY,
         ("if share is None else share) ** 2", "if share is None else share)"),
     ),
-    *_in(
+    *faults_in(
         "scene/mortar/dual.py",
         _SCENE,
         ("np.linalg.solve(change.T, np.ones(m))", "np.linalg.solve(change, np.ones(m))"),
     ),
-    *_in(
+    *faults_in(
         "scene/mortar/gaps.py",
         ("tests/scene/test_mortar_joints.py", "-k", "too_little_overlap"),
         ("np.ones(len(kept)), 1.0 / count[pairs[:, 1]]", "np.ones(len(kept)), np.ones(len(pairs))"),
     ),
-    *_in(
+    *faults_in(
         "scene/joint_water/diagram.py",
         ("tests/scene/test_joint_water.py", "-k", "resultant_and_moment and usace"),
         ("drains.share_left * (level - least) * left", "drains.share_left * (level - low) * left"),
     ),
-    *_in(
+    *faults_in(
         "scene/joints.py",
         _SCENE,
         ("np.add.at(share, taker, joint.area[~keep])", "share[taker] = joint.area[~keep]"),
     ),
-    *_in(
+    *faults_in(
         "scene/stress/sites.py",
         _SCENE,
         ("total += normal / (distance +", "total += normal * (distance +"),
     ),
-    *_in(
+    *faults_in(
         "fem/stress.py",
         _FEM,
         ("-(3.0 * lam + 2.0 * mu)", "-(3.0 * lam + mu)"),
         ("stress[:, :, v, :, k] += mu * g[..., l]", "stress[:, :, v, :, k] += mu * g[..., k]"),
     ),
-    *_in(
+    *faults_in(
         "fem/loads.py",
         _FEM,
         ("(change) / (1.0 - 2.0 * material.nu)", "(change) / (1.0 - material.nu)"),
     ),
-    *_in(
+    *faults_in(
         "fem/absorbing.py",
         _FEM,
         ("_ALONG, _ACROSS = 4.0 / 3.0, 2.0 / 3.0", "_ALONG, _ACROSS = 2.0 / 3.0, 4.0 / 3.0"),
     ),
-    *_in(
+    *faults_in(
         "fem/damping.py",
         _FEM,
         ('ratio[np.argsort(omega2, kind="stable")] = ranked', "ratio[:] = ranked"),
     ),
-    *_in(
+    *faults_in(
         "fem/column.py",
         _FEM,
         ("np.array([mu, mu, lam + 2.0 * mu])", "np.array([mu, mu, lam + mu])"),
     ),
-    *_in(
+    *faults_in(
         "effects/added_mass.py",
         _EFFECTS,
         ("M = np.eye(len(k)) + B.T @ water.times(B)", "M = np.eye(len(k)) + B.T @ B"),
     ),
-    *_in(
+    *faults_in(
         "effects/channel.py",
         _EFFECTS,
         ("c**2 * square, density * c**2 * flux", "c**2 * square, density * c * flux"),
     ),
-    *_in(
+    *faults_in(
         "effects/compressible_water.py",
         _EFFECTS,
         ("factor.solve(unit) - at_dam.T @ (at_dam / omega2[:, None])", "factor.solve(unit)"),
     ),
-    *_in(
+    *faults_in(
         "reduction/methods/craig_bampton.py",
         _REDUCTION,
         ("[elastic] / size[elastic]).max())", "[elastic] / size[elastic]).min())"),
     ),
-    *_in(
+    *faults_in(
         "reduction/methods/craig_bampton.py",
         _REDUCTION,
         ("FINER_VECTORS, FINER_LEAST, block.wet)", "FINER_VECTORS, FINER_LEAST, None)"),
     ),
-    *_in(
+    *faults_in(
         "reduction/natural_modes.py",
         ("tests/reduction/test_natural_modes.py", "-k", "effective_masses_sum or bonded_stiff"),
         ("effective_mass=(factor / scale[:, None]) ** 2", "effective_mass=(factor * scale[:, None]) ** 2"),
         ("np.column_stack([law.K_n, law.K_s, law.K_s])", "np.column_stack([law.K_n, law.K_n, law.K_s])"),
     ),
-    *_in(
+    *faults_in(
         "reduction/refinement.py",
         ("tests/fem/test_water.py", "-k", "written_in_another"),
         ("onto.T @ fine.water.times(of)", "onto.T @ of"),
     ),
-    *_in(
+    *faults_in(
         "reduction/methods/merged_part.py",
         _REDUCTION,
         ("(2.0 * (loads.T @ inertia) - along", "((loads.T @ inertia) - along"),
     ),
-    *_in(
+    *faults_in(
         "contact/problem.py",
         _CONTACT,
         ("2.0 / _HALF_WAY * single_flexibility", "1.0 / _HALF_WAY * single_flexibility"),
         ("np.hypot(0.5 * (jj - kk), blocks", "np.hypot(jj - kk, blocks"),
     ),
-    *_in(
+    *faults_in(
         "contact/step.py",
         _CONTACT,
         ("0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]", "0.0, 0.0, 0.0, problem.theta_ratio[3 * i]"),
     ),
-    *_in(
+    *faults_in(
         "contact/strength.py",
         _CONTACT,
         ("limit[COHESION_J + a] - mu * limit[TENSION], 0.0", "limit[COHESION_J + a], 0.0"),
         ("strength = mu * np.maximum(force[..., NORMAL], 0.0)", "strength = mu * np.abs(force[..., NORMAL])"),
     ),
-    *_in(
+    *faults_in(
         "contact/laws/slip_weakening.py",
         _CONTACT,
         ("path = memory[PATH] + math.hypot(step[SLIP_J], step[SLIP_K])", "path = memory[PATH]"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/energy.py",
         _TIMESTEPPING,
         ("- (stored - stored[0]) - friction", "- stored - friction"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/peaks.py",
         ("tests/timestepping/test_peaks.py",),
         (
@@ -327,34 +301,34 @@ _FAULTS = [
             "at_position.max(axis=0) + 0.0 * seen",
         ),
     ),
-    *_in(
+    *faults_in(
         "timestepping/steps.py",
         _TIMESTEPPING,
         ("max(1.0, 1.0 / rows)", "max(1.0, rows)"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/step_control.py",
         _TIMESTEPPING,
         ("1.0 / ((fine / coarse) ** order - 1.0)", "1.0 / ((fine / coarse) ** order)"),
         ("(slip**2).sum(axis=(1, 2)).max()", "(slip**2).sum(axis=(1, 2)).mean()"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/support_motion.py",
         _TIMESTEPPING,
         ("+ strain - strain[:1]", "+ strain"),
     ),
-    *_in(
+    *faults_in(
         "error/metrics.py",
         _ERROR,
         ("near = np.maximum(opening, better) >=", "near = np.minimum(opening, better) >="),
         ("np.linalg.norm(scale, axis=0).max()", "np.linalg.norm(scale, axis=0).mean()"),
     ),
-    *_in(
+    *faults_in(
         "error/two_results.py",
         _ERROR,
         ("within = 0.5 * (before - after)", "within = 0.5 * (after - before)"),
     ),
-    *_in(
+    *faults_in(
         "error/estimate.py",
         _ERROR,
         ("(finer - opening[rows])[-rest:].mean(axis=0)", "(finer - opening[rows])[-1:].mean(axis=0)"),
@@ -362,17 +336,17 @@ _FAULTS = [
         ("(jump, history.jump) if longer", "(history.jump, jump) if longer"),
         ("motion[-1] - late * size", "motion[-1] - QUIET * size"),
     ),
-    *_in(
+    *faults_in(
         "error/discretisation.py",
         _ERROR,
         ("np.asarray(area @ slip / area.sum())", "np.asarray(slip.mean(axis=0))"),
     ),
-    *_in(
+    *faults_in(
         "error/study.py",
         _ERROR,
         ("cpu_seconds=median(cpu)", "cpu_seconds=max(cpu)"),
     ),
-    *_in(
+    *faults_in(
         "results/variables.py",
         _RESULTS,
         (
@@ -386,7 +360,7 @@ _FAULTS = [
         ('c.water_at_rest / c.of_gaps("area")', 'c.water_at_rest / c.of_gaps("whole_area")'),
         ("lambda part: part[part[:, 0].argmax(), 1])", "lambda part: part[part[:, 1].argmax(), 1])"),
     ),
-    *_in(
+    *faults_in(
         "results/sliding.py",
         _RESULTS,
         ('c.history.bonded * c.of_gaps("area")', 'c.history.bonded * c.of_gaps("whole_area")'),
@@ -394,141 +368,141 @@ _FAULTS = [
         ("_slip(case)[time >= time[-1] - REST].mean(axis=0)", "_slip(case)[-1]"),
         ('area[:, None] * case.of_gaps("axes")[:, 0]', 'case.of_gaps("axes")[:, 0]'),
     ),
-    *_in(
+    *faults_in(
         "results/suite/rows.py",
         _RESULTS,
         ("seconds[part.any(axis=0)]", "seconds[part.all(axis=0)]"),
         ("_at_rest(c.history)[:, 1:3].T", "_at_rest(c.history)[:, :2].T"),
     ),
-    *_in(
+    *faults_in(
         "results/stress/variables.py",
         _RESULTS,
         ("ratio[first[face.block] + face.rows]", "ratio[face.rows]"),
         ("stress_summary.sections[..., 3:]", "stress_summary.sections[..., :3]"),
     ),
-    *_in(
+    *faults_in(
         "results/stress/faces.py",
         _RESULTS,
         ("(first[face.block] + face.rows[counted], face", "(face.rows[counted], face"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/stress/summary.py",
         _POSTPROCESS,
         ("(1.0 if k == l else 2.0)", "1.0"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/stress/sections.py",
         _POSTPROCESS,
         ("np.stack([-forces[:, 5], forces[:, 4]])", "np.stack([forces[:, 5], forces[:, 4]])"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/stress/faces.py",
         _RESULTS,
         ("share = np.cumsum(area[there][order])", "share = np.cumsum(np.ones(there.sum()))"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/sliding.py",
         _POSTPROCESS,
         ("root = np.sqrt(area)[:, None]", "root = area[:, None]"),
         ("arm = position - area @ position / area.sum()", "arm = position - position.mean(axis=0)"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/dependence.py",
         _POSTPROCESS,
         ("left @ left / max(len(x) - 2, 1)", "left @ left / max(len(x) - 1, 1)"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/fragility.py",
         _POSTPROCESS,
         ("(seen.above >= level).sum()", "(seen.above > level).sum()"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/record_measures.py",
         _POSTPROCESS,
         ('"sa": 1, "arias": 2}', '"sa": 1, "arias": 1}'),
     ),
-    *_in(
+    *faults_in(
         "postprocess/record_curves.py",
         _POSTPROCESS,
         ("weights=amplitude[1:] ** 2)", "weights=amplitude[1:])"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/maxima.py",
         _POSTPROCESS,
         ("100.0 * float(of_face.overstressed_area[0])", "100.0 * float(of_face.overstressed_area[-1])"),
     ),
-    *_in(
+    *faults_in(
         "config/quantities.py",
         _GEOMETRY,
         ("standard_gravity = 9.80665 m/s^2", "standard_gravity = 9.81 m/s^2"),
     ),
-    *_in(
+    *faults_in(
         "config/sections/joint_water.py",
         _GEOMETRY,
         ("return 1.0 - (USBR_EFFECTIVENESS", "return (USBR_EFFECTIVENESS"),
     ),
-    *_in(
+    *faults_in(
         "config/sections/geometry/gravity_dam.py",
         _GEOMETRY,
         ("self.gallery.upstream + self.gallery.width, last", "self.gallery.width, last"),
         ("(self.bases[0], self.bases[-1])", "(self.bases[0], self.bases[0])"),
     ),
-    *_in(
+    *faults_in(
         "export/build.py",
         ("tests/export/test_build.py", "-k", "rigid_gaps"),
         ("material.E * j.area / _GIVE", "material.E * j.area * _GIVE"),
     ),
-    *_in(
+    *faults_in(
         "export/deck.py",
         ("tests/export/test_build.py", "-k", "rigid_gaps"),
         ("self.law.mu.min(axis=1)", "self.law.mu.max(axis=1)"),
     ),
-    *_in(
+    *faults_in(
         "export/code_aster.py",
         ("tests/export/test_code_aster.py", "-k", "law_of_a_gap or loads_are"),
         ("of_jumps[:, 0] = -law.K_nz", "of_jumps[:, 0] = law.K_nz"),
     ),
-    *_in(
+    *faults_in(
         "linalg/modes/eigen.py",
         _REDUCTION,
         ("return (1.0 / mu[finite] + shift)", "return (1.0 / mu[finite] - shift)"),
     ),
-    *_in(
+    *faults_in(
         "linalg/modes/flexibility.py",
         _REDUCTION,
         ("(self.rigid.T @ (self.M @ answer))", "(self.rigid.T @ answer)"),
     ),
-    *_in(
+    *faults_in(
         "linalg/modes/rigid.py",
         _REDUCTION,
         ("R @ (V / np.sqrt(mass))", "R @ (V / mass)"),
     ),
-    *_in(
+    *faults_in(
         "linalg/conjugate.py",
         _REDUCTION,
         ("tolerance * np.linalg.norm(R, axis=0)\n", "tolerance * np.linalg.norm(R) * np.ones(R.shape[1])\n"),
     ),
-    *_in(
+    *faults_in(
         "error/discretisation.py",
         ("tests/error/test_mesh_error.py", "-k", "quadratic"),
         ("if not run.quadratic or quantity not in _MOVING:", "if not run.quadratic:"),
     ),
-    *_in(
+    *faults_in(
         "pipelines/run.py",
         ("tests/error/test_total_accuracy.py", "-k", "a_run_chooses"),
         ("min(left / 2.0, MOST_ACCURACY)", "min(left, MOST_ACCURACY)"),
     ),
-    *_in(
+    *faults_in(
         "pipelines/error/sibling.py",
         ("tests/error/test_mesh_error.py", "-k", "every_run"),
         ('store, finer=asked == "finer")', 'store, finer=asked != "coarser")'),
     ),
-    *_in(
+    *faults_in(
         "pipelines/error/study.py",
         ("tests/error/test_study_meshes.py", "-k", "scene_and_reduction"),
         ("cpu_time() - start, prepare(job, system)", "0.0, prepare(job, system)"),
     ),
-    *_in(
+    *faults_in(
         "pipelines/cost.py",
         ("tests/test_cost.py", "-k", "share or costs_are or length or estimate_ends"),
         ("(seconds - slope * more) / _PARTS + slope", "(seconds - slope * more) + slope"),
@@ -537,17 +511,17 @@ _FAULTS = [
         ("LATE if rocks_on_joints(system) else QUIET", "QUIET"),
         ("moving(motion.acc[:, : math.ceil(whole / motion.dt) + 1])", "moving(motion.acc)"),
     ),
-    *_in(
+    *faults_in(
         "pipelines/simulation.py",
         ("tests/test_ground_at_steps.py",),
         ("cut_or_extended(acc, round(duration / dt) + 1)", "cut_or_extended(acc, round(duration / dt))"),
     ),
-    *_in(
+    *faults_in(
         "contact/cone.py",
         _STEPS,
         ("(near_k > 0.0 and abs(t_k) >= near_k)", "(near_k > 0.0 and abs(t_j) >= near_k)"),
     ),
-    *_in(
+    *faults_in(
         "contact/step.py",
         _STEPS,
         ("0.5 * (1.0 - dashpot_share[i]) / k * min(", "0.5 / k * min("),
@@ -569,7 +543,7 @@ _FAULTS = [
         ),
         ("p = min(p_c, memory.force[b]) + memory.limits.tension[i]", "p = min(p_c, memory.force[b])"),
     ),
-    *_in(
+    *faults_in(
         "contact/softening.py",
         _STEPS,
         ("step[PULLED] = 1.0 if p <= 0.0 and y[b] > 0.0 else 0.0", "step[PULLED] = 1.0 if p <= 0.0 else 0.0"),
@@ -582,7 +556,7 @@ _FAULTS = [
             "step[NORMAL_FORCE] = memory.force[b] / problem.whole[i]",
         ),
     ),
-    *_in(
+    *faults_in(
         "contact/laws/fracture.py",
         _STEPS,
         ("        return r - 1.5 * r * r", "        return r - 3.0 * r * r"),
@@ -594,8 +568,10 @@ _FAULTS = [
             "memory[DISSIPATED] += 0.5 * left * crack ** 2 / widest",
         ),
     ),
-    *_in("contact/laws/barton_bandis.py", _STEPS, ("angle = max(_STEEPEST, basic)", "angle = _STEEPEST")),
-    *_in(
+    *faults_in(
+        "contact/laws/barton_bandis.py", _STEPS, ("angle = max(_STEEPEST, basic)", "angle = _STEEPEST")
+    ),
+    *faults_in(
         "contact/laws/static_friction.py",
         _STEPS,
         (
@@ -607,7 +583,7 @@ _FAULTS = [
             "or parameters[STATIC_J] > parameters[DYNAMIC_K]",
         ),
     ),
-    *_in(
+    *faults_in(
         "contact/laws/shear_key.py",
         _STEPS,
         (
@@ -615,17 +591,17 @@ _FAULTS = [
             "return (1.0 if past.widest > parameters[DEPTH] else 0.0,)",
         ),
     ),
-    *_in(
+    *faults_in(
         "contact/laws/crack_water.py",
         _STEPS,
         ("step[NORMAL_FORCE] >= -parameters[EXCESS]", "step[NORMAL_FORCE] >= 0.0"),
     ),
-    *_in(
+    *faults_in(
         "contact/laws/velocity_friction.py",
         _STEPS,
         ("memory[RATE] = step[STEP_RATE]", "memory[RATE] = 0.5 * step[STEP_RATE]"),
     ),
-    *_in(
+    *faults_in(
         "contact/solvers/single_contact.py",
         _STEPS,
         (
@@ -637,7 +613,7 @@ _FAULTS = [
             "good = good and _row(A, SHEAR_J, solution, b) * moves[a] <= 0.0",
         ),
     ),
-    *_in(
+    *faults_in(
         "timestepping/modal/kernels.py",
         _KERNELS,
         ("acc = 0.5 * start + share * change / 6.0", "acc = 0.5 * start + share * change / 3.0"),
@@ -646,7 +622,7 @@ _FAULTS = [
         ("A[VEL, j] * v[j] + A[FORCE, j] * F", "A[VEL, j] * v[j] + A[FORCE, j] * f[j]"),
         ("jump[i] += model.ground_jump[a, i] * acc[a]", "jump[i] += model.ground_jump[i, a] * acc[a]"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/modal/loop.py",
         _KERNELS,
         ("further = dt / (dt + last_step)", "further = 0.5"),
@@ -662,7 +638,7 @@ _FAULTS = [
         ("        input_ -= carried", "        input_ += carried"),
         ("energies.joint_work -= fed", "energies.joint_work += fed"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/stability.py",
         _POSTPROCESS,
         (
@@ -676,8 +652,10 @@ _FAULTS = [
             "strength += float(of_joint.joint_shear_strength.values.max())",
         ),
     ),
-    *_in("postprocess/floor_spectra.py", _POSTPROCESS, ("right[-1] -= slopes[-1]", "right[-1] -= slopes[0]")),
-    *_in(
+    *faults_in(
+        "postprocess/floor_spectra.py", _POSTPROCESS, ("right[-1] -= slopes[-1]", "right[-1] -= slopes[0]")
+    ),
+    *faults_in(
         "scene/ground/motion_along.py",
         ("tests/effects/test_ugly_scene.py", "-k", "turns_back or wave_starts"),
         (
@@ -689,7 +667,7 @@ _FAULTS = [
             "distance = np.linalg.norm(points - start - share[:, None] * (end - start), axis=1)",
         ),
     ),
-    *_in(
+    *faults_in(
         "postprocess/wedges.py",
         ("tests/results/test_wedges.py",),
         ("start = dt if last <= 0.0 else dt * first / (first - last)", "start = dt if last <= 0.0 else 0.0"),
@@ -698,7 +676,7 @@ _FAULTS = [
             "velocity * tau + 0.5 * begins * tau**2 + slope * tau**3 / 3.0",
         ),
     ),
-    *_in(
+    *faults_in(
         "postprocess/floor_spectra.py",
         ("tests/results/test_floor_spectra.py",),
         ("inside = (x >= ends[0]) & (x <= ends[1])", "inside = (x > ends[0]) & (x <= at)"),
@@ -707,17 +685,17 @@ _FAULTS = [
             "ends = at - np.log1p(share), at + np.log1p(share)",
         ),
     ),
-    *_in(
+    *faults_in(
         "records/processing/support_motions.py",
         _UGLY,
         ("rows.append(factor * own - of_base)", "rows.append(factor * (own - of_base))"),
     ),
-    *_in(
+    *faults_in(
         "records/processing/support_motions.py",
         ("tests/records/test_support_rows.py",),
         ("np.where(x < 0.0, 0.5 * (1.0 + x) ** 2, 1.0 - 0.5 * (1.0 - x) ** 2)", "0.5 * (1.0 + x)"),
     ),
-    *_in(
+    *faults_in(
         "visual/report/one_run.py",
         _FIGURES,
         (
@@ -746,7 +724,7 @@ _FAULTS = [
             "lengths = [(j.residual_slip, j.cumulative_slip, j.largest_slip) for j in joints]",
         ),
     ),
-    *_in(
+    *faults_in(
         "visual/report/statistics.py",
         ("tests/suite/test_report.py", "-k", "numbers_on or unlike"),
         ("np.quantile(finite, (0.16, 0.5, 0.84))", "np.quantile(finite, (0.84, 0.5, 0.16))"),
@@ -755,7 +733,7 @@ _FAULTS = [
             'row = [factor * about["threshold"], beta, next(bounds), theta, next(bounds)',
         ),
     ),
-    *_in(
+    *faults_in(
         "visual/report/sections.py",
         ("tests/suite/test_report.py", "-k", "numbers_on or unlike"),
         ("error.tolist()].count(MISSED)", "error.tolist()].count(MISSED) + 1"),
@@ -764,36 +742,36 @@ _FAULTS = [
             "area = float(summary.gap_area.values[chosen].mean())",
         ),
     ),
-    *_in(
+    *faults_in(
         "records/design/target.py",
         ("tests/records/test_design_records.py",),
         ("plateau * tc * td / periods**2", "plateau * tc * td / periods"),
         ("asce7.SDS * (0.4 + 0.6 * periods / t0)", "asce7.SDS * (0.6 + 0.4 * periods / t0)"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/hazard.py", ("tests/suite/test_hazard.py",), ("0.5 * (k * beta) ** 2", "(k * beta) ** 2")
     ),
-    *_in(
+    *faults_in(
         "scene/strength_field.py",
         ("tests/scene/test_strength_field.py",),
         ("np.exp(np.sqrt(variance) * normal - 0.5 * variance)", "np.exp(np.sqrt(variance) * normal)"),
     ),
-    *_in(
+    *faults_in(
         "scene/joint_stiffness.py",
         ("tests/scene/test_automatic_stiffness.py",),
         ("E * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))", "E / ((1.0 + nu) * (1.0 - 2.0 * nu))"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/run_warnings.py",
         ("tests/results/test_concerns.py",),
         ("moved[..., 0] -= joint.gap", "moved[..., 0] += joint.gap"),
     ),
-    *_in(
+    *faults_in(
         "postprocess/run_warnings.py",
         ("tests/fem/test_uplift.py",),
         ("share = opened @ joint.area / joint.area.sum()", "share = opened.mean(axis=1)"),
     ),
-    *_in(
+    *faults_in(
         "fem/sections.py",
         ("tests/fem/test_sections.py",),
         (
@@ -801,17 +779,17 @@ _FAULTS = [
             "share += (motions @ operators[name].T).toarray()",
         ),
     ),
-    *_in(
+    *faults_in(
         "scene/build.py",
         ("tests/effects/test_ugly_scene.py", "-k", "still_water"),
         ("load.level, load.density * size) for", "load.level, 1000.0 * size) for"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/construction.py",
         ("tests/effects/test_ugly_scene.py", "-k", "pouring or bonds_what"),
         ("slipped[grouted], memory[:, grouted] = 0.0, filled_memory[:, grouted]", "slipped[grouted] = 0.0"),
     ),
-    *_in(
+    *faults_in(
         "scene/ground/viscous.py",
         ("tests/fem/test_fem_by_hand.py", "-k", "mean_distance"),
         (
@@ -819,12 +797,12 @@ _FAULTS = [
             "away = float(np.abs(points[facets] - foot).max())",
         ),
     ),
-    *_in(
+    *faults_in(
         "core/display_units.py",
         ("tests/results/test_run_report.py", "-k", "prefix"),
         ("if largest >= size", "if largest > size"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/construction.py",
         ("tests/fem/test_construction.py", "-k", "grout"),
         (
@@ -832,7 +810,7 @@ _FAULTS = [
             "take_off(grouted, filled - grout / law.K_n, points)",
         ),
     ),
-    *_in(
+    *faults_in(
         "postprocess/lognormal.py",
         ("tests/suite/test_analysis.py",),
         (
@@ -840,12 +818,12 @@ _FAULTS = [
             "climbed.height + self.observations.count * float(np.log(slope))",
         ),
     ),
-    *_in(
+    *faults_in(
         "scene/temperature.py",
         ("tests/fem/test_temperature.py", "-k", "conduction"),
         ("6.0 / z * (1.0 / tanh - 2.0 / z)", "6.0 / z * (1.0 / tanh - 1.0 / z)"),
     ),
-    *_in(
+    *faults_in(
         "scene/temperature.py",
         ("tests/fem/test_fem_by_hand.py",),
         (
@@ -853,18 +831,20 @@ _FAULTS = [
             "return np.where(thin, share, upstream), np.where(thin, 1.0 - share, downstream)",
         ),
     ),
-    *_in("effects/construction.py", _UGLY, ("level=min(water.level, stage.level)", "level=stage.level")),
-    *_in(
+    *faults_in(
+        "effects/construction.py", _UGLY, ("level=min(water.level, stage.level)", "level=stage.level")
+    ),
+    *faults_in(
         "scene/construction.py",
         _UGLY,
         ("level = stage.level if stage.level is not None else level", "level = stage.level"),
     ),
-    *_in(
+    *faults_in(
         "scene/force_histories.py",
         _UGLY,
         ("ForceSignal(name, time + entry.start, force", "ForceSignal(name, time, force"),
     ),
-    *_in(
+    *faults_in(
         "timestepping/construction.py",
         _UGLY,
         (
@@ -874,7 +854,7 @@ _FAULTS = [
     ),
 ]
 FAULTS: dict[str, list[Fault]] = {}
-for _fault in _FAULTS:
+for _fault in (*_FAULTS, *MORE_FAULTS):
     FAULTS.setdefault(_fault.room, []).append(_fault)
 
 

@@ -1,0 +1,94 @@
+"""More planted faults, see `faults.py`: joints and their water, rest, spectra, samples and summaries."""
+
+from __future__ import annotations
+
+from fault import Fault, faults_in
+
+_GROUTING = ("tests/fem/test_grouting.py", "-k", "closes_keeps or grout_fills or stays_at_rest")
+_SOBOL = ("tests/suite/test_sobol.py", "-k", "stand_there or closed_form or scipy")
+_LINEAR = ("tests/test_linear_stage.py", "-k", "by_hand")
+_SAMPLES = ("tests/suite/test_distributions.py",)
+
+MORE_FAULTS: list[Fault] = [
+    *faults_in(
+        "timestepping/grouting.py",
+        _GROUTING,
+        (
+            "filled = np.maximum(gaps.jump[:, NORMAL], 0.0) + law.grout / law.K_n",
+            "filled = gaps.jump[:, NORMAL] + law.grout / law.K_n",
+        ),
+        (
+            "fills, np.maximum(at_rest, 0.0) - np.maximum(at_rest + more[:, NORMAL], 0.0), 0.0",
+            "fills, np.maximum(at_rest, 0.0) - np.maximum(more[:, NORMAL], 0.0), 0.0",
+        ),
+        ("slip=np.where(fills[:, None], -(system.B @ q)", "slip=np.where(fills[:, None], (system.B @ q)"),
+    ),
+    *faults_in(
+        "scene/joint_water/diagram.py",
+        ("tests/scene/test_joint_water.py",),
+        (
+            "passed = np.divide(drains.at - tip, length - tip,",
+            "passed = np.divide(drains.at - tip, length,",
+        ),
+        (
+            "behind = drained + (low - drained) * (x - at) / (length - at)",
+            "behind = drained + (low - drained) * (x - at) / length",
+        ),
+    ),
+    *faults_in(
+        "effects/free_field.py",
+        ("tests/fem/test_free_field.py", "-k", "returns_the_record"),
+        (
+            "spectra=(acc[None], motion + self.damping[1] * rate, rate, traction)",
+            "spectra=(acc[None], motion, rate, traction)",
+        ),
+        ("follow = side + boundary_springs(block) @ moving", "follow = side"),
+    ),
+    *faults_in(
+        "postprocess/response_spectrum.py",
+        _LINEAR,
+        (
+            "above = 8.0 * np.sqrt(first * second) * (ratio * first + second) * ratio**1.5",
+            "above = 8.0 * np.sqrt(first * second) * (first + ratio * second) * ratio**1.5",
+        ),
+        ("        columns[k, modes, count] = 0.0\n", ""),
+    ),
+    *faults_in(
+        "postprocess/sobol.py",
+        _SOBOL,
+        (
+            "variance = (weights @ (0.5 * (a**2 + b**2)).T / count - mean**2).sum(axis=1)",
+            "variance = (weights @ (0.5 * (a**2 + b**2)).T / count).sum(axis=1)",
+        ),
+    ),
+    *faults_in(
+        "postprocess/hazard.py",
+        ("tests/suite/test_hazard.py", "-k", "power_law"),
+        (
+            "inside += _integral(x[i], x[i + 1], m, beta, k, at)",
+            "inside += _integral(ends[i], ends[i + 1], m, beta, k, at)",
+        ),
+    ),
+    *faults_in(
+        "results/suite/sampling.py",
+        _SAMPLES,
+        (
+            "(1.0 + math.sqrt(1.0 + 4.0 * std_of_median**2)) / 2.0",
+            "(1.0 + math.sqrt(1.0 + 2.0 * std_of_median**2)) / 2.0",
+        ),
+        ("ndtr(-b) + (1.0 - u) * (ndtr(-a) - ndtr(-b))", "ndtr(-b) + u * (ndtr(-a) - ndtr(-b))"),
+        ("ranks = np.argsort(np.argsort(z @ L.T, axis=0), axis=0)", "ranks = np.argsort(z @ L.T, axis=0)"),
+    ),
+    *faults_in(
+        "fem/balance.py",
+        ("tests/fem/test_fem_by_hand.py", "-k", "middle_of_the_dam"),
+        (
+            "resultant[3:] + np.cross(about - other, resultant[:3])",
+            "resultant[3:] + np.cross(other - about, resultant[:3])",
+        ),
+        (
+            "            if name in dam:\n                loads[0]",
+            "            if True:\n                loads[0]",
+        ),
+    ),
+]
