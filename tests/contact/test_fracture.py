@@ -51,11 +51,11 @@ def led(gap, *jumps):
     return (*work, lost)
 
 
-@pytest.mark.parametrize("steps", [4, 40, 4000])
+@pytest.mark.parametrize("steps", [4, 40, 1000])
 @pytest.mark.parametrize("K_n", [np.inf, 1e11])
 @pytest.mark.parametrize("shape", ["linear", "exponential", "bilinear"])
 def test_opening_takes_the_fracture_energy_whatever_the_step(shape, K_n, steps):
-    """To 40 G_f / f_t, in 4 steps or 4000; the rest of an exponential curve is exp(-40)."""
+    """To 40 G_f / f_t, in 4 steps or 1000; the rest of an exponential curve is exp(-40)."""
     gap = softening_gap(shape, K_n, shear=False, h=1e-12)
     work, _, lost = led(gap, np.linspace(0.0, 40.0 * G / F, steps + 1)[1:])
     assert lost == pytest.approx(G, rel=1e-9)
