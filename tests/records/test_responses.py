@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from linear_filter import filtered
 
 from romdam.config.sections.motions.records import read_entry
 from romdam.records.record_set import load_motions
@@ -36,19 +36,6 @@ def burst(time, freq, peak, middle):
     return peak * bell * acc / np.abs(bell * acc).max()
 
 
-def through(zeros, poles, gain, acc, dt):
-    """Output of a filter at rest for acc (nt,), linear between its samples: exact, fraction by fraction."""
-    output = np.zeros(len(acc))
-    for pole in poles:
-        others = np.array([p for p in poles if p != pole])
-        residue = gain * np.prod([pole - z for z in zeros]) / np.prod(pole - others)
-        z = pole * dt
-        end = (np.expm1(z) - z) / z**2
-        start = np.expm1(z) / z - end
-        output += lfilter(residue * dt * np.array([end, start]), [1.0, -np.exp(z)], acc).real
-    return output
-
-
 def recorded(folder, name, acc, rate):
     """Write the counts (nt,) of acc, at FINER times the rate, as miniSEED with its StationXML."""
     import obspy
@@ -64,7 +51,7 @@ def recorded(folder, name, acc, rate):
     )  # fmt: skip
     # velocity is the integral of acceleration: one zero at 0 less
     zeros = zeros[1:] if unit == "M/S" else zeros
-    counts = through(zeros, poles, sensitivity * norm, acc, 1 / (rate * FINER))
+    counts = filtered(zeros, poles, sensitivity * norm, acc, 1 / (rate * FINER))
     counts = np.round(counts[::FINER]).astype(np.int32)
     header = {"network": "XX", "station": "STA", "channel": "HNE", "delta": 1 / rate}
     trace = obspy.Trace(counts, header | {"starttime": obspy.UTCDateTime(2020, 1, 1)})
