@@ -5,6 +5,7 @@ spins, which was up to five sixths of the CPU time. The library reads the number
 here. Tests of threads set their numbers themselves (test_threads.py).
 """
 
+import base64
 import os
 import signal
 from itertools import count
@@ -39,6 +40,30 @@ def signals_are_heard():
         number = getattr(signal, name, None)  # Windows has no SIGHUP
         if number is not None and signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+_DOT = base64.b64decode(
+    "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg=="
+)  # a PNG of one pixel
+
+
+@pytest.fixture
+def unrendered(monkeypatch):
+    """Figures are built, with all their texts and numbers, and a dot is written in their place.
+
+    For tests of what is printed beside figures: pixels take more than all the rest of a run and its report.
+    """
+    from romdam.core.files import replacing
+    from romdam.visual import plots
+    from romdam.visual.report.parts import Picture
+
+    def dot(figure, path):
+        with replacing(path) as unfinished:
+            Path(unfinished).write_bytes(_DOT)
+        return path
+
+    monkeypatch.setattr(plots, "save_figure", dot)
+    monkeypatch.setattr(Picture, "_saved", lambda self, kind, dpi=None: b"<svg/>" if kind == "svg" else _DOT)
 
 
 _REST = {
