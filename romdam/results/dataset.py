@@ -13,10 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import h5netcdf
 import numpy as np
 import xarray as xr
-from xarray.backends import H5NetCDFStore
 
 import romdam
 from romdam.config.load import Job
@@ -33,6 +31,7 @@ from romdam.results.case import rock_blocks, upstream_of
 from romdam.results.case_warnings import case_warnings
 from romdam.results.checking import check_run
 from romdam.results.final_state import write_final_state
+from romdam.results.netcdf import netcdf_file, open_lazily, write_netcdf
 from romdam.results.renamed import with_names_of_now
 from romdam.results.stress.faces import of_faces, peak_shares
 from romdam.results.variables import COORDINATES, VARIABLES, Case
@@ -214,9 +213,8 @@ def write_dataset(dataset: xr.Dataset, path: Path, final: FinalState | None = No
     of = f" from {attrs['configuration_file']}" if "configuration_file" in attrs else ""
     labels = {"source": source, "references": REFERENCES, "comment": SIGNS} | attrs
     labels |= {"Conventions": CF, "history": f"{created}: written by {source}{of}"}
-    with sealing(path, dataset.nbytes) as stream, h5netcdf.File(stream, "w") as file:
-        labelled = dataset.drop_encoding().assign_attrs(labels)
-        labelled.dump_to_store(H5NetCDFStore(file), encoding=encoding)
+    with sealing(path, dataset.nbytes) as stream, netcdf_file(stream, "w") as file:
+        write_netcdf(dataset.drop_encoding().assign_attrs(labels), file, encoding)
         if final is not None:
             write_final_state(file, final, dataset)
 
@@ -274,7 +272,7 @@ def open_netcdf(path: Path, warn: bool = True) -> tuple[xr.Dataset, Opened]:
         )
     known = examine(path)
     try:
-        dataset = xr.open_dataset(path, engine="h5netcdf", phony_dims="access")
+        dataset = open_lazily(path)
     except FAILURES as error:
         raise ResultError(f"{path}: is not a NetCDF-4 file ({error})") from error
     dataset, former = with_names_of_now(dataset)

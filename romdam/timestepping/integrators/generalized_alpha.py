@@ -20,7 +20,7 @@ from functools import partial
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Self
 
 import numpy as np
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csc_matrix, csr_matrix, diags_array
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, gap_memory
@@ -127,6 +127,7 @@ class _Stepper:
     factor: Factor
     X: Floats
     operator: csr_matrix
+    transposed: csc_matrix
     problem: GapProblem
 
     @classmethod
@@ -138,7 +139,8 @@ class _Stepper:
         X = factor.solve(system.B.T.toarray(), transposed=system.gyroscopic)
         H = s.beta * dt**2 * np.asarray(system.B @ X)
         problem = system_gap_problem(system, H, dt, s.a_f / (1.0 - s.a_f) if midpoint else 0.0)
-        return cls(system, s, dt, factor, X, csr_matrix(system.B), problem)
+        operator = csr_matrix(system.B)
+        return cls(system, s, dt, factor, X, operator, operator.T, problem)
 
     def advance(
         self,
@@ -176,7 +178,7 @@ class _Stepper:
         energies.stored, friction, fed = commit_gaps(self.problem, memory, y, gaps)
         acting = with_water(memory.force.reshape(gaps.jump.shape), memory.water)
         acting[:, NORMAL] -= self.problem.tension * gaps.jump[:, NORMAL]
-        right += self.operator.T @ acting.ravel()
+        right += self.transposed @ acting.ravel()
         state.a = self.factor.solve(right)
         gaps.mean_traction[:] += dt / interval * acting
         state.u = u_star + s.beta * dt**2 * state.a
