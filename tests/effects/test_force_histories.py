@@ -454,7 +454,9 @@ def test_a_suite_makes_runs_again_where_a_table_has_changed(tmp_path):
     raw["outputs"] |= {"output_interval": "5 ms", "floor_spectra": {"dampings": [0.05]}}
 
     def run():
-        outcome = romdam.run_suite(romdam.load_config(raw, tmp_path), tmp_path / "out")
+        outcome = romdam.run_suite(
+            romdam.load_config(raw, tmp_path), tmp_path / "out", romdam.SuiteOptions(workers=1)
+        )
         with romdam.open_suite(tmp_path / "out") as suite:
             forces = [node.applied_force.values for node in suite["runs"].children.values()]
             return outcome, forces, suite.floor_spectrum.values

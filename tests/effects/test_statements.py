@@ -83,7 +83,7 @@ def test_suite_with_coupled_modes_makes_the_runs_of_jobs(effects, path, values, 
     suite = {"parameters": {"varied": {"path": path, "values": values}}}
     coarse = {"transient": {"finest_step": DT / 2.0}}
     asked = jobs(folder, *effects, name="suite.yaml", pipeline="suite", suite=suite, **coarse)
-    summary = romdam.run_suite(asked, tmp_path / "suite").summary
+    summary = romdam.run_suite(asked, tmp_path / "suite", romdam.SuiteOptions(workers=1)).summary
     found = summary.peak_opening.values.ravel()
     stated = summary.estimated_reduction_error.values
     made = []

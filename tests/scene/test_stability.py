@@ -248,7 +248,7 @@ def test_a_job_with_a_linear_stage_and_runs_of_a_suite_are_judged(tmp_path):
     suite = {"keep": "full", "parameters": {"mu": {"path": "joints.foot.friction", "values": [0.3, 0.5]}}}
     (tmp_path / "suite.yaml").write_text(yaml.safe_dump(raw | {"pipeline": "suite", "suite": suite}))
     job = romdam.load_config(tmp_path / "suite.yaml")
-    romdam.run_suite(job, tmp_path / "suite")
+    romdam.run_suite(job, tmp_path / "suite", romdam.SuiteOptions(workers=1))
     kept = sorted((tmp_path / "suite" / "runs").glob("*.nc"))
     factors = sorted(assess_stability(job, [path]).joints[0].factor for path in kept)
     assert len(kept) == 2 and factors[0] == pytest.approx(joint.factor, rel=1e-5)

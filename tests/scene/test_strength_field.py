@@ -116,7 +116,7 @@ def test_a_suite_draws_a_field_for_every_sample_and_equals_jobs(tmp_path):
     path.write_text(
         yaml.safe_dump(raw_job(tmp_path) | {"suite": {"parameters": parameters}, "pipeline": "suite"})
     )
-    romdam.run_suite(romdam.load_config(path), out=tmp_path / "suite")
+    romdam.run_suite(romdam.load_config(path), tmp_path / "suite", romdam.SuiteOptions(workers=1))
     peaks = romdam.open_suite(tmp_path / "suite").peak_slip.values.ravel()
     assert len(peaks) == 2 and peaks[0] != pytest.approx(peaks[1], rel=0.01)
     path.write_text(yaml.safe_dump(raw_job(tmp_path, field=FIELD | {"seed": 2.5})))

@@ -68,6 +68,7 @@ def test_several_records_end_with_a_summary_tables_and_a_page(run):
         assert (suite.wall_seconds.sel(record=["r0", "r2"]) > 0.0).all()
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_what_entries_do_to_the_size_of_records_is_written_and_said(tmp_path):
     config = plain(tmp_path, records=2)
     raw = yaml.safe_load(config.read_text())
