@@ -53,17 +53,23 @@ def wedges(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", parser=named_folder, metavar="DIR", help="Folder for <WEDGES>-wedges.nc and .csv."
+            "--out",
+            "-o",
+            parser=named_folder,
+            metavar="DIR",
+            help="Folder for <WEDGES>-wedges.nc and tables.",
         ),
     ] = None,
     quiet: Quiet = False,
     verbose: Verbose = False,
 ) -> None:
-    """Factors of safety of rock wedges against sliding, at rest or under the forces of RESULT."""
+    """Factors of safety of rock wedges against sliding and rotation, at rest or under forces of RESULT."""
     from romdam.pipelines.wedges import assess_wedges
-    from romdam.terminal import open_terminal
-    from romdam.terminal.tables import wedges_table
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.tables import wedges_tables
 
     _, say = open_terminal(quiet, verbose)
     assessed = assess_wedges(file, result, out)
-    say(wedges_table(assessed.rows), *(f"written: {path}" for path in assessed.paths))
+    tables = wedges_tables(assessed.rows, assessed.rotations)
+    say(*tables, *(f"written: {path}" for path in assessed.paths))
+    complain(*(f"{file}: {warning}" for warning in assessed.warnings))

@@ -2,158 +2,213 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
-from romdam.config.sections.wedges import ThrustConfig, WedgesConfig
+from romdam.config.sections.wedges import WedgesConfig
 from romdam.core.arrays import Floats
-from romdam.core.errors import ConfigError, listed
 from romdam.postprocess.sliding import row_seconds
-from romdam.postprocess.wedges import permanent_displacement, slide, trend_and_plunge, wedge_geometry
+from romdam.postprocess.wedge_displacement import permanent_displacement
+from romdam.postprocess.wedge_loads import Levels, wedge_loads
+from romdam.postprocess.wedge_rotation import (
+    overturning_axes,
+    overturning_factor,
+    overturning_moments,
+    turning_factor,
+)
+from romdam.postprocess.wedges import slide, trend_and_plunge, wedge_geometry
 
+Array = NDArray[Any]
 Row = tuple[str, ...]
 HEAD: Row = (
     "wedge", "volume [m3]", "weight [MN]", "factor at rest", "moves on", "least factor", "at [s]", "moves on",
     "trend [deg]", "plunge [deg]", "x", "y", "z", "below 1 [s]", "slides [mm]",
 )  # fmt: skip
+ROTATION_HEAD: Row = (
+    "wedge", "rotation", "factor at rest", "about", "least factor", "at [s]", "about", "below 1 [s]",
+)  # fmt: skip
 HELD, LIFTS = "held", "lifts off"
+_SEVERAL = 1.5  # of the record's step, from which rows are fewer than its samples
 
 
-def wedge_dataset(wedges: WedgesConfig, run: xr.Dataset | None, source: str) -> xr.Dataset:
-    """Sliding of every wedge at every written time of a run, or at rest without one.
+def wedge_dataset(
+    wedges: WedgesConfig, run: xr.Dataset | None, source: str, levels: Levels | None = None
+) -> xr.Dataset:
+    """Sliding and rotation of every wedge at every written time of a run, or at rest without one.
 
     Parameters
     ----------
-    run : a result; None for constant forces alone
+    run : a result; None for constant forces alone, at the times of tables of water levels
     source : the file of the wedges, for messages
+    levels : tables of water levels by their keys, see `romdam.config.sections.wedges.read_levels`
 
     Raises
     ------
     ConfigError
-        for a wedge that is open, and for forces that the result does not have.
+        for a wedge that is open, and for forces and motions that the result does not have.
     """
-    time = np.zeros(1) if run is None else np.asarray(run.time.values, dtype=float)
-    most = max(len(wedge.planes) for wedge in wedges.wedges.values())
-    names, planes = list(wedges.wedges), np.full((len(wedges.wedges), most), "", dtype=object)
-    areas, water = np.full((2, len(names), most), np.nan)
-    volume, factor, driving, resisting, displacement = [], [], [], [], []
-    direction, normal_force = [], np.full((len(time), len(names), most), np.nan)
-    contact = np.zeros((len(time), len(names), most), dtype=np.int8)
-    for k, (name, wedge) in enumerate(wedges.wedges.items()):
-        location = f"{source}: wedges.{name}"
-        geometry = wedge_geometry(wedge, wedges, location)
-        mass, count = wedge.density * geometry.volume, len(wedge.planes)
-        force = _thrust(wedge.thrust, run, len(time), f"{location}.thrust")
-        force = force + geometry.water @ geometry.normals + mass * np.array([0.0, 0.0, -wedges.gravity])
-        if wedge.inertia and run is not None:
-            force = force - mass * run.ground_acceleration.transpose("time", "component").values
-        sliding = slide(geometry, wedge, force)
-        planes[k, :count], areas[k, :count] = geometry.names[:count], geometry.areas[:count]
-        water[k, :count] = geometry.water[:count]
-        volume.append(geometry.volume)
-        factor.append(np.where(np.isfinite(sliding.factor), sliding.factor, np.nan))
-        driving.append(sliding.driving)
-        resisting.append(sliding.resisting)
-        displacement.append(permanent_displacement(sliding, mass, time))
-        direction.append(sliding.direction)
-        normal_force[:, k, :count], contact[:, k, :count] = sliding.normal_force, sliding.contact
-    of_time, of_planes = ("time", "wedge"), ("time", "wedge", "plane")
-    density = np.array([wedge.density for wedge in wedges.wedges.values()])
-    variables = {
-        "wedge_volume": (("wedge",), np.array(volume), "m3", "volume of the wedge"),
-        "wedge_weight": (("wedge",), density * volume * wedges.gravity, "N", "weight of the wedge"),
-        "wedge_plane": (("wedge", "plane"), planes.astype(str), "", "name of the plane"),
-        "wedge_plane_area": (("wedge", "plane"), areas, "m2", "area of the plane"),
-        "wedge_plane_water": (("wedge", "plane"), water, "N", "force of the water on the plane"),
-        "wedge_factor_of_safety": (
-            of_time,
-            np.array(factor).T,
-            "1",
-            "resisting over driving force of the wedge; NaN where its planes leave no direction free",
-        ),
-        "wedge_driving_force": (of_time, np.array(driving).T, "N", "force along the direction of sliding"),
-        "wedge_resisting_force": (
-            of_time,
-            np.array(resisting).T,
-            "N",
-            "friction and cohesion of the planes in contact",
-        ),
-        "wedge_displacement": (
-            of_time,
-            np.array(displacement).T,
-            "m",
-            "permanent displacement while the factor is below 1, of a rigid block (Newmark)",
-        ),
-        "wedge_slip_direction": (
-            (*of_time, "component"),
-            np.stack(direction, axis=1),
-            "1",
-            "unit vector in which the wedge would slide or lift off; 0 where no direction is free",
-        ),
-        "wedge_plane_normal_force": (
-            of_planes,
-            -normal_force,
-            "N",
-            "effective normal force on the plane, compression negative",
-        ),
-        "wedge_plane_in_contact": (
-            of_planes,
-            contact,
-            "1",
-            "1 where the plane stays in contact, 0 where it opens",
-        ),
+    levels = levels or {}
+    if run is not None:
+        time = np.asarray(run.time.values, dtype=float)
+    else:
+        time = np.unique(np.concatenate([np.zeros(1), *(times for times, _ in levels.values())]))
+    computed = {
+        name: _one_wedge(name, wedges, time, run=run, levels=levels, source=source) for name in wedges.wedges
     }
+    names = list(computed)
+    dims = {
+        "plane": max(len(wedge.planes) for wedge in wedges.wedges.values()),
+        "edge": max(1, *(len(one["wedge_edge"]) for one in computed.values())),
+    }
+    data = dict[str, tuple[tuple[str, ...], Array, dict[str, str]]]()
+    for key, (of_one, unit, text) in _VARIABLES.items():
+        padded = dims[of_one[-1]] if of_one and of_one[-1] in dims else None
+        columns = [_padded(one[key], padded) for one in computed.values()]
+        over_time = of_one[:1] == ("time",)
+        values = np.stack(columns, axis=1 if over_time else 0)
+        of_all = ("time", "wedge", *of_one[1:]) if over_time else ("wedge", *of_one)
+        data[key] = of_all, values, {"long_name": text} | ({"units": unit} if unit else {})
     dataset = xr.Dataset(
-        {
-            name: (dims, values, {"long_name": text} | ({"units": units} if units else {}))
-            for name, (dims, values, units, text) in variables.items()
-        },
+        data,
         {
             "time": ("time", time, {"long_name": "time since the start of the record", "units": "s"}),
             "wedge": ("wedge", np.array(names, dtype=str), {"long_name": "name of the wedge"}),
             "component": ("component", np.array(["x", "y", "z"]), {"long_name": "global axis"}),
         },
     )
-    dataset.attrs = {"wedges_file": source, "north": np.array(wedges.north)}
+    dataset.attrs = {
+        "wedges_file": source,
+        "north": np.array(wedges.north),
+        "wedge_warnings": json.dumps(_doubts(wedges, run, time)),
+    }
     if run is not None:
         dataset.attrs |= {key: run.attrs[key] for key in ("title", "record", "configuration_sha256")}
     return dataset
 
 
-def _thrust(thrust: ThrustConfig, run: xr.Dataset | None, count: int, location: str) -> Floats:
-    """Force on the wedge out of a result and of the file, (count, 3) [N]."""
-    force = np.zeros((count, 3)) + (0.0 if thrust.force is None else np.array(thrust.force))
-    if run is None:
-        if thrust.needs_result:
-            raise ConfigError(
-                f"{location}: joints and sections press by forces of a result; name one, or give `force`"
+def _one_wedge(
+    name: str, wedges: WedgesConfig, time: Floats, *, run: xr.Dataset | None, levels: Levels, source: str
+) -> dict[str, Array]:
+    """The variables of a wedge, of `_VARIABLES`."""
+    wedge = wedges.wedges[name]
+    geometry = wedge_geometry(wedge, wedges, f"{source}: wedges.{name}")
+    count = len(wedge.planes)
+    loads = wedge_loads(name, geometry, wedges, time, run=run, levels=levels, source=source)
+    force = loads.force.sum(axis=1)
+    sliding = slide(geometry, wedge, force)
+    axes = overturning_axes(geometry, count)
+    driving, resisting = overturning_moments(axes, loads, geometry.centroid)
+    overturning = overturning_factor(driving, resisting).min(axis=1, initial=np.inf)
+    return {
+        "wedge_volume": np.array(geometry.volume),
+        "wedge_centroid": geometry.centroid,
+        "wedge_weight": np.array(wedge.density * geometry.volume * wedges.gravity),
+        "wedge_plane": np.array(geometry.names[:count], dtype=object),
+        "wedge_plane_area": geometry.areas[:count],
+        "wedge_plane_water": loads.water[:, :count],
+        "wedge_factor_of_safety": np.where(np.isfinite(sliding.factor), sliding.factor, np.nan),
+        "wedge_driving_force": sliding.driving,
+        "wedge_resisting_force": sliding.resisting,
+        "wedge_displacement": permanent_displacement(sliding, geometry, wedge, force, time),
+        "wedge_slip_direction": sliding.direction,
+        "wedge_plane_normal_force": -sliding.normal_force,
+        "wedge_plane_in_contact": sliding.contact.astype(np.int8),
+        "wedge_edge": np.array([axis.name for axis in axes], dtype=object),
+        "wedge_edge_driving_moment": driving,
+        "wedge_edge_resisting_moment": resisting,
+        "wedge_overturning_factor": np.where(np.isfinite(overturning), overturning, np.nan),
+        "wedge_turning_factor": turning_factor(geometry, wedge, loads, sliding),
+    }
+
+
+# name -> (dimensions besides the wedge, units, what it is)
+_VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
+    "wedge_volume": ((), "m3", "volume of the wedge"),
+    "wedge_centroid": (("component",), "m", "centroid of the wedge"),
+    "wedge_weight": ((), "N", "weight of the wedge"),
+    "wedge_plane": (("plane",), "", "name of the plane"),
+    "wedge_plane_area": (("plane",), "m2", "area of the plane"),
+    "wedge_plane_water": (("time", "plane"), "N", "force of the water on the plane"),
+    "wedge_factor_of_safety": (
+        ("time",),
+        "1",
+        "resisting over driving force of the wedge; NaN where its planes leave no direction free",
+    ),
+    "wedge_driving_force": (("time",), "N", "force along the direction of sliding"),
+    "wedge_resisting_force": (("time",), "N", "friction and cohesion of the planes in contact"),
+    "wedge_displacement": (
+        ("time", "component"),
+        "m",
+        "permanent displacement while the factor is below 1, of a rigid block (Newmark)",
+    ),
+    "wedge_slip_direction": (
+        ("time", "component"),
+        "1",
+        "unit vector in which the wedge would slide or lift off; 0 where no direction is free",
+    ),
+    "wedge_plane_normal_force": (
+        ("time", "plane"),
+        "N",
+        "effective normal force on the plane, compression negative",
+    ),
+    "wedge_plane_in_contact": (
+        ("time", "plane"),
+        "1",
+        "1 where the plane stays in contact, 0 where it opens",
+    ),
+    "wedge_edge": (("edge",), "", "line about which the wedge can overturn"),
+    "wedge_edge_driving_moment": (("time", "edge"), "N m", "moments of the forces that overturn"),
+    "wedge_edge_resisting_moment": (("time", "edge"), "N m", "moments of the forces that hold it down"),
+    "wedge_overturning_factor": (
+        ("time",),
+        "1",
+        "least of resisting over driving moment about its edges; NaN where nothing overturns",
+    ),
+    "wedge_turning_factor": (
+        ("time",),
+        "1",
+        "strength over load of the wedge sliding on one plane while it turns about its normal; NaN where "
+        "nothing drives, it lies on several planes or lifts off, or its force is off the plane",
+    ),
+}
+
+
+def _padded(values: Array, width: int | None) -> Array:
+    """Values with the last dimension filled up to a width: NaN, 0 or an empty text."""
+    if width is None:
+        return values
+    fill = "" if values.dtype.kind == "O" else 0 if values.dtype.kind == "i" else np.nan
+    more = np.full((*values.shape[:-1], width - values.shape[-1]), fill, dtype=values.dtype)
+    joined = np.concatenate([values, more], axis=-1)
+    return joined.astype(str) if values.dtype.kind == "O" else joined
+
+
+def _doubts(wedges: WedgesConfig, run: xr.Dataset | None, time: Floats) -> list[str]:
+    """What was taken for granted."""
+    said = list[str]()
+    for name, wedge in wedges.wedges.items():
+        if wedge.thrust.force is not None and wedge.thrust.at is None:
+            said.append(
+                f"wedges.{name}.thrust.force acts in the wedge's centroid, so that it turns nothing; give "
+                "`at`, a point on its line of action"
             )
-        return force
-    for name in thrust.joints or ():
-        known = [str(joint) for joint in run.joint.values] if "joint" in run else []
-        if name not in known:
-            raise ConfigError(f"{location}.joints: the result has no joint {name!r}; it has {listed(known)}")
-        between = [str(block) for block in run.joint_blocks.sel(joint=name).values]
-        if thrust.on not in between:
-            raise ConfigError(
-                f"{location}.on: joint {name!r} is between {between[0]!r} and {between[1]!r}, not on "
-                f"{thrust.on!r}; name one of these, or another joint"
+        if run is not None and wedge.inertia is True and "support" in run:
+            said.append(
+                f"wedges.{name} is shaken by the base, but supports of the run move by themselves; give "
+                "inertia: {nodes: [...]} with output nodes at the wedge's place"
             )
-        if "joint_force" not in run:
-            raise ConfigError(
-                f"{location}.joints: the result of an earlier version has no joint_force; run it again"
+    if run is not None and len(time) > 1:
+        between, step = float(np.diff(time).max()), float(run.attrs["record_dt"])
+        if between > _SEVERAL * step:
+            said.append(
+                f"factors and displacements are of the written rows, every {between:g} s, and the record has "
+                f"a sample every {step:g} s; run it with outputs.output_interval: {step:g} s"
             )
-        on_J = run.joint_force.sel(joint=name).transpose("time", "component").values
-        force += on_J if thrust.on == between[1] else -on_J
-    for name in thrust.sections or ():
-        known = [str(section) for section in run.section.values] if "section" in run else []
-        if name not in known:
-            raise ConfigError(
-                f"{location}.sections: the result has no section {name!r}; it has {listed(known)}"
-            )
-        section = run.sel(section=name)
-        force += section.section_force.transpose("time", ...).values @ section.section_axes.values
-    return force
+    return said
 
 
 def wedge_rows(dataset: xr.Dataset) -> list[Row]:
@@ -184,10 +239,46 @@ def wedge_rows(dataset: xr.Dataset) -> list[Row]:
                 *((f"{trend:.1f}", f"{plunge:.1f}") if moves else ("-", "-")),
                 *(f"{x:.3f}" if moves else "-" for x in vector),
                 below,
-                f"{1e3 * float(wedge.wedge_displacement[-1]):.4g}" if len(time) > 1 else "-",
+                f"{1e3 * np.linalg.norm(wedge.wedge_displacement[-1]):.4g}" if len(time) > 1 else "-",
             )
         )
     return rows
+
+
+def rotation_rows(dataset: xr.Dataset) -> list[Row]:
+    """The table under `ROTATION_HEAD`: overturning, and turning on a plane, of each wedge."""
+    rows, time = list[Row](), dataset.time.values
+    seconds = row_seconds(time) if len(time) > 1 else np.zeros(1)
+    for name in map(str, dataset.wedge.values):
+        wedge = dataset.sel(wedge=name)
+        driving, resisting = wedge.wedge_edge_driving_moment.values, wedge.wedge_edge_resisting_moment.values
+        of_edges = np.nan_to_num(overturning_factor(driving, resisting), nan=np.inf)
+        rows.append((name, "overturns", *_least_of(of_edges, wedge.wedge_edge.values, time, seconds)))
+        if not np.isnan(wedge.wedge_turning_factor.values).all():
+            of_planes = np.where(
+                (wedge.wedge_plane_in_contact.values > 0)
+                & ~np.isnan(wedge.wedge_turning_factor.values[:, None]),
+                wedge.wedge_turning_factor.values[:, None],
+                np.inf,
+            )
+            rows.append(
+                (name, "slides and turns", *_least_of(of_planes, wedge.wedge_plane.values, time, seconds))
+            )
+    return rows
+
+
+def _least_of(factors: Floats, about: Array, time: Floats, seconds: Floats) -> Row:
+    """Cells of a factor (nt, n) at rest and where it is least."""
+    at_rest, row = int(factors[0].argmin()), int(factors.min(axis=1).argmin())
+    least = int(factors[row].argmin())
+    return (
+        _factor_text(factors[0, at_rest]),
+        str(about[at_rest]) if np.isfinite(factors[0, at_rest]) else "-",
+        _factor_text(factors[row, least]),
+        f"{time[row]:.3f}",
+        str(about[least]) if np.isfinite(factors[row, least]) else "-",
+        f"{seconds[factors.min(axis=1) < 1.0].sum():.3g}" if len(time) > 1 else "-",
+    )
 
 
 def _factor_text(factor: float) -> str:

@@ -1,8 +1,9 @@
 """Sliding of rigid rock wedges on one to three planes: geometry, forces on the planes, factor of safety.
 
-A wedge translates, it does not rotate. Without friction its planes push it along their normals alone; the
-part of the active force R that they cannot take drives it. That part is the projection of R on the directions
-d with d . n_i >= 0 for all planes (n_i the normals into the wedge):
+A wedge that translates; `wedge_rotation` has its rotation, `wedge_displacement` how far it goes. Without
+friction its planes push it along their normals alone; the part of the active force R that they cannot take
+drives it. That part is the projection of R on the directions d with d . n_i >= 0 for all planes (n_i the
+normals into the wedge):
 
     R + sum_i N_i n_i = S d,   N_i >= 0,   N_i (d . n_i) = 0.
 
@@ -23,13 +24,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from romdam.config.sections.wedges import WaterLevelConfig, WedgeConfig, WedgesConfig, WedgeSurfaceConfig
+from romdam.config.sections.wedges import WedgeConfig, WedgesConfig, WedgeSurfaceConfig
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError
 
 _ON_PLANE = 1e-9  # of the wedge's size: a corner so near to a plane is on it
 _HELD = 1e-9  # of the active force: less than that drives nothing
-_REAL = 1e-9  # of an interval: imaginary part of a time that is round-off
 _LARGEST = 1e6  # [m] across: a wedge beyond it counts as open
 
 
@@ -41,16 +41,23 @@ class WedgeGeometry:
     ----------
     names : of its planes, then of its surfaces
     normals : (n, 3) into the wedge
+    polygons : corners (m, 3) of each, around its middle [m]
     areas : (n,) [m2]
     volume : [m3]
-    water : (n,) force of the water on each [N]
+    centroid : (3,) of the volume [m]
     """
 
     names: tuple[str, ...]
     normals: Floats
+    polygons: tuple[Floats, ...]
     areas: Floats
     volume: float
-    water: Floats
+    centroid: Floats
+
+    @property
+    def size(self) -> float:
+        """Largest extent along an axis [m]."""
+        return float(np.ptp(np.concatenate(self.polygons), axis=0).max())
 
 
 @dataclass(frozen=True)
@@ -72,39 +79,6 @@ class WedgeSliding:
     direction: Floats
     normal_force: Floats
     contact: Bools
-
-
-def permanent_displacement(sliding: WedgeSliding, mass: float, time: Floats) -> Floats:
-    """Sliding displacement (nt,) of a wedge whose factor falls below 1 for a while, after Newmark [m].
-
-    It slides as a block with the acceleration (driving - resisting) / mass, linear between the rows, as long
-    as it moves; never back. In the directions in which it slides then, so that the lengths add up.
-
-    References
-    ----------
-    Newmark, Effects of earthquakes on dams and embankments, Geotechnique 15 (1965) 139.
-    """
-    excess = np.where(np.isfinite(sliding.factor), (sliding.driving - sliding.resisting) / mass, -np.inf)
-    moved, velocity = np.zeros(len(time)), 0.0
-    for k, dt in enumerate(np.diff(time)):
-        first, last = excess[k], excess[k + 1]
-        if not (np.isfinite(first) and np.isfinite(last)):
-            velocity, moved[k + 1] = 0.0, moved[k]
-            continue
-        start = 0.0
-        if velocity == 0.0 and first < 0.0:  # it starts where the excess passes zero
-            start = dt if last <= 0.0 else dt * first / (first - last)
-        slope = (last - first) / dt
-        tau, begins = dt - start, first + slope * start
-        end = velocity + begins * tau + 0.5 * slope * tau**2
-        if end < 0.0:  # it stops where the velocity is zero
-            roots = np.roots([0.5 * slope, begins, velocity])
-            real = roots.real[(np.abs(roots.imag) < _REAL * tau) & (roots.real >= 0.0)]
-            tau = min(float(real.min(initial=tau)), tau) if velocity > 0.0 else 0.0
-            end = 0.0
-        moved[k + 1] = moved[k] + velocity * tau + 0.5 * begins * tau**2 + slope * tau**3 / 6.0
-        velocity = end
-    return moved
 
 
 def upward_normal(dip: float, dip_direction: float, north: Sequence[float]) -> Floats:
@@ -154,19 +128,23 @@ def wedge_geometry(wedge: WedgeConfig, common: WedgesConfig, location: str) -> W
         raise ConfigError(
             f"{location}: the wedge is {size:.3g} m across, limit {_LARGEST:g} m; check its planes"
         )
-    areas, water, volume = np.zeros(len(sides)), np.zeros(len(sides)), 0.0
-    for k, (name, side) in enumerate(sides.items()):
+    areas, volume, first_moment, polygons = np.zeros(len(sides)), 0.0, np.zeros(3), list[Floats]()
+    for k, name in enumerate(sides):
         on_plane = corners[np.abs(corners @ normals[k] + distances[k]) < _ON_PLANE * size]
         polygon = _polygon(on_plane, normals[k])
-        areas[k], _ = _area(polygon)
+        areas[k], middle = area_and_middle(polygon)
         if areas[k] <= (_ON_PLANE * size) ** 2:
             raise ConfigError(
                 f"{location}: {name!r} does not bound the wedge, the other planes meet before it; leave it "
                 "out, or check `through` and `inside`"
             )
-        volume += areas[k] * distances[k] / 3.0
-        water[k] = _water_force(polygon + inside, side, areas[k], common)
-    return WedgeGeometry(tuple(sides), normals, areas, volume, water)
+        pyramid = areas[k] * distances[k] / 3.0  # from the point inside, its centroid at 3/4 of the way
+        volume += pyramid
+        first_moment += 0.75 * pyramid * middle
+        polygons.append(polygon + inside)
+    return WedgeGeometry(
+        tuple(sides), normals, tuple(polygons), areas, volume, inside + first_moment / volume
+    )
 
 
 def slide(planes: WedgeGeometry, wedge: WedgeConfig, force: Floats) -> WedgeSliding:
@@ -225,7 +203,7 @@ def _polygon(corners: Floats, normal: Floats) -> Floats:
     return np.asarray(corners[np.argsort(angle)])
 
 
-def _area(polygon: Floats) -> tuple[float, Floats]:
+def area_and_middle(polygon: Floats) -> tuple[float, Floats]:
     """Area [m2] and centroid (3,) [m] of a convex polygon (n, 3)."""
     if len(polygon) < 3:
         return 0.0, np.zeros(3)
@@ -235,20 +213,3 @@ def _area(polygon: Floats) -> tuple[float, Floats]:
     if area == 0.0:
         return 0.0, polygon[0]
     return area, np.asarray(polygon[0] + areas @ (first + second) / (3.0 * area))
-
-
-def _water_force(polygon: Floats, side: WedgeSurfaceConfig, area: float, common: WedgesConfig) -> float:
-    """Force of the water on a polygon [N]: its pressure grows linearly below the level."""
-    water = side.water
-    if water is None:
-        return 0.0
-    if not isinstance(water, WaterLevelConfig):
-        return water * area
-    below = list[Floats]()
-    for here, there in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        if here[2] <= water.level:
-            below.append(here)
-        if (here[2] - water.level) * (there[2] - water.level) < 0.0:
-            below.append(here + (water.level - here[2]) / (there[2] - here[2]) * (there - here))
-    wet, centroid = _area(np.array(below).reshape(-1, 3))
-    return water.share * common.water_density * common.gravity * (water.level - centroid[2]) * wet

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -172,19 +173,42 @@ class Case:
         return water_at_rest(self.scene, self.history)
 
     @property
+    def joint_middle(self) -> Array:
+        """(joints, 3) middle of the area of each joint [m]."""
+        return np.array([joint.whole_area @ joint.position / joint.whole_area.sum() for joint in self.joints])
+
+    @property
     def joint_force(self) -> Array:
         """(nt, joints, 3) contact and water that press on block J of each joint, along x, y, z [N]."""
-        force, axes = self.history.traction, self.of_gaps("axes")
-        on_J = np.einsum("tgd,gdx->tgx", force, axes[:, : force.shape[2]], optimize=True)
-        return self.joint_sums(on_J) + self.joint_water_force
+        axes = self.of_gaps("axes")[:, : self.history.traction.shape[2]]
+        return self._sums(self.history.traction, axes) + self.joint_water_force
+
+    @property
+    def joint_moment(self) -> Array:
+        """(nt, joints, 3) moment of `joint_force` about `joint_middle` [N m]."""
+        axes = self.of_gaps("axes")[:, : self.history.traction.shape[2]]
+        counts = [len(joint.area) for joint in self.joints]
+        arm = self.of_gaps("position") - np.repeat(self.joint_middle, counts, axis=0)
+        moments = np.cross(arm[:, None], axes)
+        return self._sums(self.history.traction, moments) + self._sums(self._water, moments[:, :1])
 
     @property
     def joint_water_force(self) -> Array:
         """(nt, joints, 3) what of `joint_force` is water in the joint and in its cracks [N]."""
+        return self._sums(self._water, self.of_gaps("axes")[:, :1])
+
+    @property
+    def _water(self) -> Array:
+        """(nt, ng, 1) force of the water in the gaps and in their cracks [N]."""
         water = np.zeros((len(self.history.time), len(self.water_at_rest))) + self.water_at_rest
-        if self.history.water.size:
-            water += self.history.water
-        return self.joint_sums(water[..., None] * self.of_gaps("axes")[:, 0])
+        return (water + self.history.water if self.history.water.size else water)[..., None]
+
+    def _sums(self, force: Array, vectors: Array) -> Array:
+        """Sums (nt, joints, 3) over the gaps of each joint of forces (nt, ng, d) along vectors (ng, d, 3)."""
+        stops = np.cumsum([0, *(len(joint.area) for joint in self.joints)])
+        spans = [slice(first, last) for first, last in itertools.pairwise(stops)]
+        sums = [force[:, s].reshape(len(force), -1) @ vectors[s].reshape(-1, 3) for s in spans]
+        return np.stack(sums, axis=1)
 
     def per_joint(self, of_gaps: Array, reduce: Callable[[Array], object]) -> Array:
         """`reduce` applied to the gaps of each joint."""

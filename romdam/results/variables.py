@@ -154,6 +154,13 @@ COORDINATES: dict[str, Variable] = {
         lambda c: np.array([joint.blocks for joint in c.joints], dtype=str),
         Case.has_joints,
     ),
+    "joint_middle": Variable(
+        ("joint", "component"),
+        "m",
+        "middle of the joint's area",
+        lambda c: c.joint_middle,
+        lambda c: c.has_joints(),  # results of before 0.3 have none
+    ),
     "gap_joint": Variable(
         ("gap",),
         "",
@@ -300,6 +307,13 @@ VARIABLES: dict[str, Variable] = {
         "entered its cracks; block I has the opposite",
         lambda c: c.joint_force,
         lambda c: c.has_joints(),  # results of before 0.2 have none
+    ),
+    "joint_moment": Variable(
+        ("time", "joint", "component"),
+        "N m",
+        "moment of joint_force on block J about joint_middle",
+        lambda c: c.joint_moment,
+        lambda c: c.has_joints(),  # results of before 0.3 have none
     ),
     "joint_water_force": Variable(
         ("time", "joint", "component"),

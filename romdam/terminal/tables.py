@@ -73,14 +73,17 @@ def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     return [table] if table.row_count else []
 
 
-def wedges_table(rows: Sequence[Sequence[str]]) -> Table:
-    """Sliding of rock wedges, a row for each."""
-    from romdam.postprocess.wedge_histories import HEAD
+def wedges_tables(rows: Sequence[Sequence[str]], rotations: Sequence[Sequence[str]]) -> tuple[Table, Table]:
+    """Sliding of rock wedges, a row for each, and their rotation."""
+    from romdam.postprocess.wedge_histories import HEAD, ROTATION_HEAD
 
-    table = _table("Rock wedges", HEAD[:1], HEAD[1:])
+    sliding = _table("Rock wedges", HEAD[:1], HEAD[1:])
     for row in rows:
-        table.add_row(*row)
-    return table
+        sliding.add_row(*row)
+    turning = _table("Rotation of rock wedges", ROTATION_HEAD[:2], ROTATION_HEAD[2:])
+    for row in rotations:
+        turning.add_row(*row)
+    return sliding, turning
 
 
 def stability_table(rows: Sequence[Sequence[str]]) -> Table:

@@ -242,6 +242,7 @@ EXPECTED_COORDINATES = {
     "joint_blocks": (WHOLE, [["low", "high"]] * 2),
     "gap_joint": (WHOLE, ["A", "A", "B", "B", "B"]),
     "gap_position": (WHOLE, [[0.5, 3, 0], [1.5, 3, 2], [0.5, 3, 0], [1.5, 3, 2], [2.5, 3, 4]]),
+    "joint_middle": (WHOLE, [[8.5 / 7, 3, 10 / 7], [8.75 / 5.5, 3, 12 / 5.5]]),
     "gap_normal": (slice(3, 5), [[0, 1, 0], [0, 0.6, 0.8]]),
     "gap_tangent": (slice(3, 5), [[[0, 0, 1], [1, 0, 0]], [[0, -0.8, 0.6], [1, 0, 0]]]),
     "gap_area": (WHOLE, [2, 5, 2, 1, 2.5]),  # with what is held nearby
@@ -301,6 +302,13 @@ EXPECTED_OF_JOINTS = {
     "water_force": (WHOLE, [[0, 11e5, 0], [0, 7e5, 4e5]]),  # 4e5 along y and 5e5 along (0, 0.6, 0.8)
     # contact and shear of row 3, water_force, and what entered: 9e3 on A, 21e3 and 15e3 on B
     "joint_force": (3, [[2.4e6, 33.109e6, 3.2e6], [3.2e6, 21.37e6, 15.132e6]]),
+    # A: arms (-5, 0, -10)/7 and (2, 0, 4)/7 times (0.8, 12.303, 1.2) and (1.6, 20.806, 2) MN; B: arms
+    # (-12, 0, -24)/11, (-1, 0, -2)/11, (10, 0, 20)/11 times (0, 4.109, 0.4), (1.2, 8.312, 0.8),
+    # (2, 8.949, 13.932)
+    "joint_moment": (
+        3,
+        [[39.806e6 / 7, 4e5 / 7, -19.903e6 / 7], [-63.74e6 / 11, -96.12e6 / 11, 31.87e6 / 11]],
+    ),
     "joint_water_force": (3, [[0, 1.109e6, 0], [0, 0.73e6, 0.412e6]]),  # 21e3 + 0.6 15e3 entered B
     "loads_at_rest": (1, [10, 20, 30, 40, 50, 60]),
     "joints_at_rest": (1, [-30, -60, -90, -120, -150, -180]),
