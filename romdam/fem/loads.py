@@ -108,13 +108,15 @@ def hydrostatic_force(points: Floats, water: Hydrostatic) -> Floats:
         for facet in facets[(top > water.level) & (bottom < water.level)]:
             # points and weights on the part below the level: the facet is cut into small triangles, and the
             # water's edge is taken as straight in each of them
-            wet_xi, wet_weight = [np.zeros((0, 2))], [np.zeros(0)]
-            for triangle, shape in _small_triangles(element.name):
-                for corners in below(triangle, shape @ points[facet][:, 2] - water.level):
-                    edges = corners[1:] - corners[0]
-                    wet_xi.append(corners[0] + xi @ edges)
-                    wet_weight.append(weight * abs(np.linalg.det(edges)))
-            rule = np.vstack(wet_xi), np.concatenate(wet_weight)
+            triangles, shape = _small_triangles(element.name)
+            height = shape @ points[facet][:, 2] - water.level
+            wet = [*triangles[(height <= 0.0).all(axis=1)]]
+            for k in np.flatnonzero((height < 0.0).any(axis=1) & (height > 0.0).any(axis=1)):
+                wet += below(triangles[k], height[k])
+            corners = np.array(wet).reshape(-1, 3, 2)
+            edges = corners[:, 1:] - corners[:, :1]
+            wet_xi = (corners[:, :1] + xi @ edges).reshape(-1, 2)
+            rule = wet_xi, np.outer(np.abs(np.linalg.det(edges)), weight).ravel()
             np.add.at(force, facet, -_water_on(points, facet[None], water, rule)[0])
     return force
 
@@ -129,8 +131,8 @@ def _water_on(points: Floats, facets: Ints, water: Hydrostatic, rule: Rule) -> F
 
 
 @cache
-def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
-    """Triangles (3, 2) that fill an element's reference facet, and its functions at their corners."""
+def _small_triangles(name: str) -> tuple[Floats, Floats]:
+    """Triangles (t, 3, 2) that fill a reference facet, and its functions at their corners (t, 3, n)."""
     element = ELEMENTS[name]
     n = _CUTS
     i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
@@ -140,4 +142,4 @@ def _small_triangles(name: str) -> list[tuple[Floats, Floats]]:
         triangles = 2.0 * np.vstack([lower, upper]) / n - 1.0
     else:
         triangles = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-    return [(triangle, element.shape(triangle)) for triangle in triangles]
+    return triangles, element.shape(triangles.reshape(-1, 2)).reshape(len(triangles), 3, -1)

@@ -194,8 +194,14 @@ def _rests_unloaded(system: System) -> bool:
     return not _unloaded(system)[1].water.any()
 
 
-def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapState]:
+def initial_state(
+    prepared: Prepared, settings: Settings, steps: dict[float, ProximalStep] | None = None
+) -> tuple[Floats, GapState]:
     """The state at rest that a run starts from, made once for all of them; not to be changed.
+
+    Parameters
+    ----------
+    steps : as in `static_equilibrium`
 
     Raises
     ------
@@ -205,7 +211,7 @@ def initial_state(prepared: Prepared, settings: Settings) -> tuple[Floats, GapSt
     system, static, tolerance = prepared.system, settings.initial_state == "static", settings.tolerance
     return prepared.cache.get_or_compute(
         ("initial", static, tolerance if static else 0.0),
-        lambda: static_equilibrium(system, tolerance) if static else undeformed(system),
+        lambda: static_equilibrium(system, tolerance, steps) if static else undeformed(system),
     )
 
 

@@ -12,7 +12,13 @@ from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import System
-from romdam.timestepping.equilibrium import GapState, initial_state, load_path, static_equilibrium
+from romdam.timestepping.equilibrium import (
+    GapState,
+    ProximalStep,
+    initial_state,
+    load_path,
+    static_equilibrium,
+)
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings
 
@@ -21,21 +27,26 @@ _WIDE = 0.02  # of the largest force of a joint, from which on the range is stat
 
 
 def order_warnings(prepared: Prepared, settings: Settings) -> tuple[str, ...]:
-    """Say how wide the range of states at rest is, a sentence where it is wide; made once for all runs."""
+    """Say how wide the range of states at rest is, a sentence where it is wide; made once for all runs.
+
+    The first call finds the state at rest too, so that both orders share what they factor.
+    """
     system, tolerance = prepared.system, settings.tolerance
     if settings.initial_state != "static" or settings.start is not None or len(load_path(system)) == 1:
         return ()
     return prepared.cache.get_or_compute(
         ("order of loads", tolerance),
-        lambda: _compared(system, initial_state(prepared, settings)[1], tolerance),
+        lambda: _compared(prepared, settings),
     )
 
 
-def _compared(system: System, gaps: GapState, tolerance: float) -> tuple[str, ...]:
+def _compared(prepared: Prepared, settings: Settings) -> tuple[str, ...]:
+    system, steps = prepared.system, dict[float, ProximalStep]()
     try:
-        _, reversed_gaps = static_equilibrium(system, tolerance, reverse=True)
+        _, gaps = initial_state(prepared, settings, steps)
+        _, reversed_gaps = static_equilibrium(system, settings.tolerance, steps, reverse=True)
     except ConvergenceError:
-        return ()  # loads that hold each other in one order alone
+        return ()  # loads that hold each other in one order alone; without a state the run says why
     names = list(system.law.joints)
     there, back = (_resultants(system, state) for state in (gaps, reversed_gaps))
     apart, size = np.linalg.norm(there - back, axis=1), np.linalg.norm(there, axis=1).max(initial=0.0)

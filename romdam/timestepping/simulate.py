@@ -77,6 +77,9 @@ def simulate(
     every_step = settings.every_step and not settings.only_jumps
     if every_step:
         settings = replace(settings, steps=replace(settings.steps, stride=1))
+    on_path = {
+        one: () if settings.only_jumps else order_warnings(one, settings) for one in dict.fromkeys(each)
+    }
     outcomes = integrator.advance(simulations, settings, progress or (lambda done, total: None))
     for i, (simulation, history) in enumerate(zip(simulations, outcomes, strict=True)):
         if not isinstance(history, History):
@@ -112,8 +115,7 @@ def simulate(
                 stats["uplift_iterations"] = float(system.uplift.iterations)
                 warnings = (*history.warnings, *system.uplift.warnings)
                 history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
-            if on_path := order_warnings(simulation.prepared, settings):
-                history = replace(history, warnings=(*history.warnings, *on_path))
+            history = replace(history, warnings=(*history.warnings, *on_path[simulation.prepared]))
             if system.built is not None:
                 history = replace(history, built=system.built)
             if every_step:

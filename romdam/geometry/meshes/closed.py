@@ -28,6 +28,7 @@ _PAIRS = 1_000_000  # of a point and an element, at a time
 _FOLLOWED = (1.0, 0.3, 0.1, *[0.03] * 9)
 _CONVERGED = 1e-9  # step in the reference element
 _STRAIGHT = 1e-6  # of the longest edge: nodes so near to the middle of their corners leave edges straight
+_BULGE = 3.0  # the 12 functions of a hex20's middle nodes add up to it in its middle; others to less
 _LOST = 9.0  # a reference coordinate far out
 _VOLUME = 1e-8  # relative difference of the volume by elements and by faces that rounding explains
 
@@ -175,10 +176,10 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
         longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
         if np.abs(off).max(initial=0.0) <= _STRAIGHT * longest:
             nodes, element = corners, linear
-
-        lowest, highest = nodes.min(axis=1), nodes.max(axis=1)
-        slack = 0.25 * (highest - lowest) if element.quadratic else 0.0  # curved edges bulge
-        lowest, highest = lowest - slack, highest + slack
+        # curved cells bulge beyond the box of their corners by what middle nodes are off, at most as often as
+        # the functions of these add up to
+        bulge = _BULGE * np.abs(off).max(axis=1, initial=0.0) if element.quadratic else 0.0
+        lowest, highest = corners.min(axis=1) - bulge, corners.max(axis=1) + bulge
         middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
         scale = np.ceil(np.log2(reach))
         for size in np.unique(scale):
