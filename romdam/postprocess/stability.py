@@ -22,6 +22,7 @@ from romdam.postprocess.joint_roles import mean_normal, rock_of, upper_is_J, upw
 
 STABLE, NOT_STABLE, NO_EQUILIBRIUM, NOT_FOUND = "stable", "not stable", "no equilibrium", "not found"
 _KERN = 1.0 / 6.0  # of a joint's length, from its middle: a resultant farther out leaves a part unloaded
+_ROUND_OFF = 1e-9  # of the compression: so little shear is none
 Row = tuple[str, ...]
 HEAD: Row = (
     "record", "joint", "verdict", "factor", "required", "shear [MN]", "compression [MN]", "water [MN]",
@@ -108,6 +109,8 @@ def joint_stability(
         shear = np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
         normal, (block_I, block_J) = mean_normal(gaps), map(str, of_joint.joint_blocks.values)
         size, whole = float(np.linalg.norm(shear)), float(pressed.sum())
+        if size <= _ROUND_OFF * whole:
+            size = 0.0
         open_share = float(area[gaps.joint_state.values == OPEN].sum() / area.sum())
         resultant, toe_pressure, cracked = np.nan, np.nan, np.nan
         if size > 0.0 and whole > 0.0:
@@ -131,7 +134,7 @@ def joint_stability(
             JointStability(
                 record=record,
                 joint=name,
-                factor=float(of_joint.sliding_safety_factor),
+                factor=float(of_joint.sliding_safety_factor) if size > 0.0 else np.nan,
                 required=required,
                 shear=size,
                 compression=whole,

@@ -438,7 +438,7 @@ def _refuse_collapse(system: System, problem: GapProblem, history: Floats) -> No
         return
     names = ", ".join(collapse.parts)
     if collapse.kind == "slides":
-        factor = f"{collapse.strength:.3g} times" if np.isfinite(collapse.strength) else "many times"
+        factor = f"{collapse.strength:.4g} times" if np.isfinite(collapse.strength) else "many times"
         bounded = problem.mu.any() or (problem.laws is not None)
         why = (
             f"that would take {factor} the shear strength of its joints"

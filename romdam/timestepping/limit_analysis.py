@@ -27,7 +27,7 @@ from romdam.core.motion import Motion
 from romdam.core.system import System
 from romdam.linalg.factor import Factor
 
-_SIDES = 16  # of the polygon: 2 % more than the disc
+_SIDES = 32  # of the polygon: 0.5 % more than the disc
 _RIGID = 1e-12  # of the largest stiffness: a mode below it is a rigid motion
 _UPRIGHT = 1e-9  # of a side of the polygon along an axis: round-off of its cosine
 _BALANCED = 1e-6  # of the loads, what may be left
@@ -35,7 +35,7 @@ _STILL = 1e-3  # of the largest motion: a part that moves less stands still
 _HELD_BY_MASS = 10.0  # [1/s2] of M in K + s M, so that it can be factored: 0.5 Hz
 _STRAINED = 1e-6  # share of strain energy in that of K + s M, from which on a motion is none of a rigid part
 _RIGID_MOTIONS, _ROUNDS = 6, 4  # of a part in one piece; iterations, of which each gains 1e-4 at least
-_MOST, _HALVINGS = 8.0, 7  # times the strength that is tried, and how often that range is halved
+_MOST, _HALVINGS = 8.0, 10  # times the strength that is tried, and how often that range is halved
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,54 @@ def write_mesh(path, degrees):
     path.write_text("\n".join([*lines, *elements]) + "\n")
 
 
+def change_to(raw, kind, degrees):
+    """Make the scene that is named of the plain one."""
+    joints, loads = raw["joints"], raw["loads"]
+    bases = [joints["fa"], joints["fb"]]
+    downstream = [-np.sin(np.radians(degrees)), np.cos(np.radians(degrees)), 0.0]
+    water = {"joints": ["fa", "fb"], "level": 5.0, "tailwater": 0.5, "downstream": downstream}
+    cooled = [{"change": -6.0, "blocks": ["a", "b"]}]
+    stages = [{"name": "poured", "pour": ["a", "b"]}, {"name": "cooled", "temperature": cooled}]
+    if "softening" in kind:
+        joints["j"]["fracture"] = SOFT
+    if "bonds" in kind:
+        for joint in joints.values():
+            joint |= {"tensile_strength": 5e4, "cohesion": 1e5}
+    if "static friction" in kind:
+        for joint in joints.values():
+            joint["friction_static"] = joint["friction"] + 0.2
+    if "weakening" in kind:
+        joints["j"]["slip_weakening"] = {"mu_s": 0.7, "mu_d": 0.4, "d_c": 1e-4}
+        del joints["j"]["friction"]
+    if "keys" in kind:
+        joints["j"]["shear_key"] = {"depth": 0.002}
+    if "spacing" in kind:
+        for joint in joints.values():
+            joint["spacing"] = 1.1
+    if "mortar" in kind:
+        for joint in joints.values():
+            joint["discretization"] = "mortar"
+    if "gaps" in kind:
+        joints["j"]["initial_gap"] = 1e-4
+    if "uplift" in kind:
+        loads["joint_water"] = [water]
+    if "redrawn" in kind:
+        loads["joint_water"] = [water | {"crack": "redrawn"}]
+        loads["hydrostatic"][0]["level"] = water["level"] = 6.0
+        loads["joint_water"][0]["level"] = 6.0
+    if "grouting" in kind:
+        joints["j"]["grouting_pressure"] = 2e5
+        loads["temperature"] = cooled
+    if "stages" in kind:
+        loads["temperature"] = []
+        raw["construction"] = stages
+        if "grouted" in kind:
+            stages.append({"name": "grouted", "grout": [{"joints": ["j"]}]})
+    if "rough" in kind:
+        for base in bases:
+            base["friction"] = 0.5
+
+
 def job(folder, degrees, kind):
     write_mesh(folder / f"turned_{degrees}.inp", degrees)
     mesh = {"file": str(folder / f"turned_{degrees}.inp"), "unit": "m"}
@@ -75,14 +123,7 @@ def job(folder, degrees, kind):
         "transient": {"finest_step": 0.001, "duration": 0.02},
         "outputs": {"plots": False, "error_estimate": False, "mesh_error": False},
     }
-    if kind == "softening":
-        raw["joints"]["j"]["fracture"] = SOFT
-    elif kind == "stages":
-        raw["loads"]["temperature"] = []
-        raw["construction"] = [
-            {"name": "poured", "pour": ["a", "b"]},
-            {"name": "cooled", "temperature": [{"change": -6.0, "blocks": ["a", "b"]}]},
-        ]
+    change_to(raw, kind, degrees)
     return raw, wet
 
 
@@ -98,7 +139,17 @@ def forces(raw):
     return found, json.loads(dataset.attrs["run_warnings"])
 
 
-@pytest.mark.parametrize("kind", ["friction", "softening", "stages"])
+SCENES = [
+    "friction", "softening", "stages", "friction, spacing", "softening, mortar", "stages, grouted, softening",
+    "grouting", "uplift, static friction", "redrawn", "redrawn, spacing", "bonds, uplift", "keys, gaps",
+    "weakening, uplift", "stages, uplift, spacing", "redrawn, softening, rough",
+]  # fmt: skip
+QUICK = {"friction", "softening", "stages"}
+
+
+@pytest.mark.parametrize(
+    "kind", [kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow) for kind in SCENES]
+)
 def test_the_state_at_rest_is_one(tmp_path, kind):
     straight, wet = job(tmp_path, 0, kind)
     known, _ = forces(straight)
