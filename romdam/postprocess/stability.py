@@ -43,9 +43,9 @@ class JointStability:
     ----------
     record, joint : names
     factor, required : of safety against sliding
-    shear, compression, water : resultants: shear along the joint, contact pressure, water in the joint and in
-        its cracks [N]
-    resultant : where the contact pressure's resultant stands along the direction in which the block that
+    shear, compression, water : resultants: shear along the joint's mean plane, contact force across it less
+        the tension of bonds, water in the joint and in its cracks [N]
+    resultant : where the contact force's resultant stands along the direction in which the block that
         stands on the other would slide: 0 at the heel, 1 at the toe; NaN without shear, and of several joints
     toe_pressure : at the toe of a pressure that is linear along the joint, without tension, and has this
         resultant, N / A (1 + 6 e / L) in the kern [Pa]; NaN where `resultant` is, or beyond the base
@@ -105,10 +105,9 @@ def joint_stability(
     for name in names:
         of_joint, gaps = first.sel(joint=name), first.isel(gap=dataset.gap_joint.values == name)
         area, position = gaps.gap_area.values, gaps.gap_position.values
-        pressed = np.maximum(-gaps.normal_force.values, 0.0)
-        shear = np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
         normal, (block_I, block_J) = mean_normal(gaps), map(str, of_joint.joint_blocks.values)
-        size, whole = float(np.linalg.norm(shear)), float(pressed.sum())
+        whole, shear = _contact(of_joint, normal)
+        size, pressed = float(np.linalg.norm(shear)), -gaps.normal_force.values
         if size <= _ROUND_OFF * whole:
             size = 0.0
         open_share = float(area[gaps.joint_state.values == OPEN].sum() / area.sum())
@@ -119,7 +118,7 @@ def joint_stability(
             along = position @ (-shear / size if on_J else shear / size)
             low, length = float(along.min()), float(np.ptp(along))
             if length > 0.0:
-                resultant = float((pressed @ along / whole - low) / length)
+                resultant = float((pressed @ along / pressed.sum() - low) / length)
                 toe_pressure = _toe_pressure(whole / float(area.sum()), resultant)
                 cracked = open_share * length
                 if "crack_at_rest" in gaps and not np.isnan(gaps.crack_at_rest.values).any():
@@ -148,6 +147,15 @@ def joint_stability(
             )
         )
     return [*judged, *_groups(first, judged, rock)]
+
+
+def _contact(of_joint: xr.Dataset, normal: Floats) -> tuple[float, Floats]:
+    """Compression, and shear (3,) on block J in the mean plane: `joint_force` without its water [N]."""
+    force: Floats = of_joint.joint_force.values
+    if "joint_water_force" in of_joint:
+        force = force - of_joint.joint_water_force.values
+    compression = float(force @ normal)
+    return compression, np.asarray(force - compression * normal)
 
 
 def _toe_pressure(mean: float, resultant: float) -> float:
@@ -197,7 +205,7 @@ def _groups(
         for name in names:
             gaps = first.isel(gap=first.gap_joint.values == name)
             of_joint, sign = first.sel(joint=name), 1.0 if blocks[name][1] in group else -1.0
-            shear += sign * np.einsum("gj,gjx->x", gaps.shear_force.values, gaps.gap_tangent.values)
+            shear += sign * _contact(of_joint, mean_normal(gaps))[1]
             strength += float(of_joint.joint_shear_strength.values.min())
         size = float(np.linalg.norm(shear))
         area = np.array(
