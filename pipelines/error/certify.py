@@ -101,6 +101,7 @@ def certify(
     refuse_unknown_effects(job.config, known, str(job.path), "known to a certificate")
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
+    _refuse_going_on(job, scene)
     with clock.stage("model", "reducing the blocks"):
         model = reduced_model(job, scene, None, estimated=False)
     run.refuse_other(scene.gap_position, model.system.size)
@@ -139,6 +140,16 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
             "a gap table have changed since; run the configuration again"
         )
     return scene
+
+
+def _refuse_going_on(job: Job, scene: Scene) -> None:
+    """Raise where the run began in the motion in which another one ended."""
+    if scene.initial is not None and scene.initial.going_on is not None:
+        raise ConfigError(
+            f"{job.path}: loads.initial_state.result: the run goes on from the motion in which another one "
+            "ended, which is known in that run's modes, and neither the mesh nor the finer model of a "
+            "certificate has it; run both records as one with records[].after, and certify that"
+        )
 
 
 def _of_this_code(run: StoredRun) -> bool:

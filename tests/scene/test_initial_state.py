@@ -8,6 +8,7 @@ import romdam
 from romdam.core.errors import ConfigError
 from romdam.core.sealed import changing
 from romdam.error.metrics import relative_l2
+from romdam.pipelines.error.certify import certify
 from romdam.pipelines.export import ExportOptions, export_deck, export_matrices
 from romdam.pipelines.suites.run import SuiteOptions
 
@@ -377,3 +378,24 @@ def test_decks_do_not_say_a_state(result, tmp_path, code):
         else:
             export_deck(loaded, tmp_path / "out", ExportOptions(code))
     assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_a_certificate_of_a_run_that_goes_on_is_refused(tmp_path):
+    """A replay begins at rest: of a run that goes on from motion it would state another error."""
+    names = ("first", "second")
+    for name, size in zip(names, (9.0, -6.0), strict=True):
+        np.savetxt(tmp_path / f"{name}.txt", pulses(size, 1, 0.4)[1])
+    records = [
+        {"name": name, "unit": "m/s2", "dt": DT, "components": {"y": {"file": str(tmp_path / f"{name}.txt")}}}
+        for name in names
+    ]
+    first = romdam.run(job() | {"records": records[:1]}, out=tmp_path / "1").paths[0]
+    again = after(job(), first, records=records[1:])
+    second = romdam.run(again, out=tmp_path / "2").paths[0]
+    with pytest.raises(ConfigError, match=r"initial_state\.result: the run goes on .* records\[\]\.after"):
+        certify(second)
+    with pytest.raises(ConfigError, match="the run goes on from the motion"):
+        certify(second, passes=1)
+    # what the joints remember begins at rest, and is certified
+    rests = romdam.run(after(job(), first, take="joints", records=records[1:]), out=tmp_path / "3").paths[0]
+    assert certify(rests, passes=1).statement.errors["opening"].l2 >= 0.0

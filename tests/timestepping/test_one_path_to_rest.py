@@ -70,7 +70,7 @@ def change_to(raw, kind, degrees):
         joints["j"]["shear_key"] = {"depth": 0.002}
     if "spacing" in kind:
         for joint in joints.values():
-            joint["spacing"] = 1.1
+            joint["spacing"] = 2.7
     if "mortar" in kind:
         for joint in joints.values():
             joint["discretization"] = "mortar"
@@ -206,8 +206,8 @@ def test_loads_together_are_one_increment_whatever_the_axes(tmp_path):
 def test_koyna_at_rest_under_loads_that_come_together():
     """Five monoliths on rock on a coarser mesh: thrust and weight by hand, factors of four bases as stated.
 
-    V = g_w b / 2 sum (H - z_base)^2 over the monoliths, N is the weight; the factors are those of an analysis
-    with all modes.
+    V = g_w b / 2 sum (H - z_base)^2 over the monoliths, N is the weight; the factors are those that were
+    stated of this mesh. Four modes a block are enough: statics are exact with any number.
     """
     config = Path(__file__).parents[2] / "configs" / "koyna.yaml"
     raw = romdam.load_config(config).to_dict()
