@@ -160,9 +160,20 @@ def run_of(job, folder, R):
     above = sum(WEIGHT.values()) - CONCRETE * G * 6 * 6 * 0.5
     assert -foot[2] == pytest.approx(above, rel=1e-6), "by hand"
     assert foot[1] == pytest.approx(THRUST * (5.0 / 5.5) ** 2, rel=0.02), "by hand"
+    # moments of joints about the middle of each monolith are those of the balance of forces
+    for name, touching in (("left", ("between", "base_left")), ("right", ("between", "base_right"))):
+        body, total = dataset.sel(body=name), np.zeros(3)
+        for joint in (dataset.sel(joint=each).isel(time=0) for each in touching):
+            sign = 1.0 if str(joint.joint_blocks.values[1]) == name else -1.0
+            arm = joint.joint_middle.values - body.body_middle.values
+            total += sign * (joint.joint_moment.values + np.cross(arm, joint.joint_force.values))
+        held = body.joints_at_rest.values[3:]
+        assert total == pytest.approx(held, abs=1e-6 * np.abs(body.joints_at_rest.values).max()), name
     wedges = assess_wedges(wedge_file(folder, R), path).dataset
     values["wedges: factor"] = wedges.wedge_factor_of_safety.values
-    values["wedges: slip"] = wedges.wedge_displacement.values
+    values["wedges: slip"] = wedges.wedge_displacement.values @ R
+    values["wedges: overturning"] = wedges.wedge_overturning_factor.values
+    values["wedges: turning"] = wedges.wedge_turning_factor.values
     values["wedges: direction"] = wedges.wedge_slip_direction.values @ R
     # the dam's thrust on a plane of 20 degrees, with its own weight and water, by hand at rest
     error = certify(path).statement.errors["opening"]

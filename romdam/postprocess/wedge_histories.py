@@ -252,7 +252,7 @@ def rotation_rows(dataset: xr.Dataset) -> list[Row]:
     for name in map(str, dataset.wedge.values):
         wedge = dataset.sel(wedge=name)
         driving, resisting = wedge.wedge_edge_driving_moment.values, wedge.wedge_edge_resisting_moment.values
-        of_edges = np.nan_to_num(overturning_factor(driving, resisting), nan=np.inf)
+        of_edges = overturning_factor(driving, resisting)  # infinite of lines that other wedges have more
         rows.append((name, "overturns", *_least_of(of_edges, wedge.wedge_edge.values, time, seconds)))
         if not np.isnan(wedge.wedge_turning_factor.values).all():
             of_planes = np.where(

@@ -55,6 +55,8 @@ def test_a_slab_overturns_about_its_toe(tmp_path):
         *("w", "overturns", f"{factor:.4g}", "edge of base and x10"),
         *(f"{factor:.4g}", "0.000", "edge of base and x10", "-"),
     )
+    at_rest = dataset_of(slab(), tmp_path).rotations  # nothing pushes it
+    assert at_rest[0] == ("w", "overturns", "held", "-", "held", "0.000", "-", "-")
     edges = set(found.dataset.wedge_edge.values[0])
     assert edges == {f"edge of base and {side}" for side in ("x0", "x10", "y0", "y10")}
 
