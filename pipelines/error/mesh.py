@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, load_config, naming_lines
@@ -12,10 +12,10 @@ from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
-from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.discretisation import MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification
 from romdam.pipelines.automatic_spacing import automatic_joints
-from romdam.pipelines.error.sibling import run_with_stress, sibling_job, with_stress
+from romdam.pipelines.error.sibling import run_with_stress, sibling_jobs, with_stress
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import (
@@ -71,7 +71,7 @@ def verify_mesh(
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
-    sibling_job(job, finer=finer)  # refused before records are read
+    sibling_jobs(job, finer=finer)  # refused before records are read
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
@@ -83,12 +83,18 @@ def verify_mesh(
         job, _ = choose_mesh_and_modes(job, motions, clock)
     elif automatic_joints(job):
         job = with_spacing_chosen(job, motions, clock)  # the same on both meshes
-    sibling = sibling_job(job, finer=finer)
+    siblings = sibling_jobs(job, finer=finer)
     if job.config.model.order != "full":
-        job, sibling = (with_modes_chosen(prepared_job, motions, clock) for prepared_job in (job, sibling))
+        job = with_modes_chosen(job, motions, clock)
+        siblings = [
+            replace(sibling, job=with_modes_chosen(sibling.job, motions, clock)) for sibling in siblings
+        ]
     run, scene = run_on_mesh(job, motion, seconds, clock, "run")
+    others = list[SiblingRun]()
     try:
-        other, _ = run_on_mesh(sibling, motion, seconds, clock, "sibling")
+        for sibling in siblings:
+            other, _ = run_on_mesh(sibling.job, motion, seconds, clock, f"sibling, {sibling.direction}")
+            others.append(SiblingRun(sibling.direction, sibling.times, other))
     except (ConfigError, MeshError, ReductionError) as error:
         instead = "coarser" if finer else "finer"
         raise ConfigError(
@@ -102,8 +108,9 @@ def verify_mesh(
         "scene_sha256": scene_digest(scene),
         "record_sha256": whole.digest,
     }
-    about |= {f"cpu_seconds_{name}": clock.cpu[name] for name in ("run", "sibling")}
-    statement = discretisation(run, other, finer=finer, about=about)
+    about["cpu_seconds_run"] = clock.cpu["run"]
+    about["cpu_seconds_sibling"] = sum(clock.cpu[f"sibling, {each.direction}"] for each in siblings)
+    statement = discretisation(run, others, finer=finer, about=about)
     return VerifiedMesh(
         statement, write_verification(folder, statement), _draw(folder, motion, run, other, finer=finer)
     )

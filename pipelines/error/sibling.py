@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import (
+    EVERY_DIRECTION,
+    SiblingJob,
+    coarser_by_direction,
     on_coarser_mesh,
     on_finer_mesh,
     with_compared_stress,
@@ -25,7 +28,7 @@ from romdam.core.errors import (
 from romdam.core.scene import Scene
 from romdam.core.system import History
 from romdam.effects.full_order import assemble_full
-from romdam.error.discretisation import MeshRun, discretisation, mesh_run
+from romdam.error.discretisation import MeshRun, SiblingRun, discretisation, mesh_run
 from romdam.error.statement import ErrorStatement
 from romdam.fem.stress import observing_stress
 from romdam.geometry.elements import ELEMENTS
@@ -68,13 +71,14 @@ class Sibling:
 
     Attributes
     ----------
-    mesh : elements of half the size (`finer`), or of twice
+    meshes : elements of half the size (`finer`), or of twice; or each coarser in one more direction
+    finer : whether they are of half the size
     second : elements of four times the size, which show the order; None where there is no such mesh
     points : a gap at every node, in place of `spacing`; None where the job has a gap at every node
     points_of_sibling : whether `points` has the sibling's mesh, otherwise the run's own
     """
 
-    mesh: OtherModel
+    meshes: tuple[tuple[SiblingJob, OtherModel], ...]
     finer: bool
     second: OtherModel | None = None
     points: OtherModel | None = None
@@ -83,7 +87,8 @@ class Sibling:
     @property
     def others(self) -> list[OtherModel]:
         """All models that are run."""
-        return [other for other in (self.mesh, self.second, self.points) if other is not None]
+        meshes = [model for _, model in self.meshes]
+        return [*meshes, *(other for other in (self.second, self.points) if other is not None)]
 
     def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
         """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
@@ -94,13 +99,20 @@ class Sibling:
         case : the run, its history and stress as `stress_of` returns them
         """
         try:
-            run, sibling = run_of(model, case.history, case.stress), self.mesh.run(case, progress)
+            run = run_of(model, case.history, case.stress)
+            siblings = [
+                SiblingRun(sibling.direction, sibling.times, other.run(case, progress))
+                for sibling, other in self.meshes
+            ]
             second = None if self.second is None else self.second.run(case, progress)
             points = None
             if self.points is not None:
-                points = (sibling if self.points_of_sibling else run, self.points.run(case, progress))
+                points = (
+                    siblings[-1].run if self.points_of_sibling else run,
+                    self.points.run(case, progress),
+                )
             about = {"record": case.motion.name, "seconds": float(case.history.time[-1])}
-            return discretisation(run, sibling, finer=self.finer, about=about, second=second, points=points)
+            return discretisation(run, siblings, finer=self.finer, about=about, second=second, points=points)
         except recoverable() as error:
             return unknown_mesh_error(describe_error(error))
 
@@ -148,18 +160,20 @@ def find_sibling(job: Job, scene: Scene, store: BlockStore | None) -> Sibling | 
 
 def _sibling(job: Job, scene: Scene, store: BlockStore | None, *, finer: bool) -> Sibling:
     """Models of a job on elements of half the size, or of twice, and of what else its mesh is judged by."""
-    mesh, second = _other_model(sibling_job(job, finer=finer), store), None
-    if not finer and all(ELEMENTS[block.element].quadratic for block in scene.blocks.values()):
+    meshes = tuple((sibling, _other_model(sibling.job, store)) for sibling in sibling_jobs(job, finer=finer))
+    mesh, second = meshes[-1][1], None
+    quadratic = all(ELEMENTS[block.element].quadratic for block in scene.blocks.values())
+    if quadratic and not finer and len(meshes) == 1:
         with suppress(*_NO_MESH):
             second = _other_model(on_coarser_mesh(mesh.job), store)
     every_node = with_gaps_at_every_node(job)
     if every_node is None:
-        return Sibling(mesh, finer, second)
+        return Sibling(meshes, finer, second)
     if not finer and (of_sibling := with_gaps_at_every_node(mesh.job)) is not None:
         points, gaps = _other_model(of_sibling, store), len(mesh.model.scene.gap_position)
         if len(points.model.scene.gap_position) >= MANY_MORE * gaps:
-            return Sibling(mesh, finer, second, points, points_of_sibling=True)
-    return Sibling(mesh, finer, second, _other_model(with_compared_stress(every_node), store))
+            return Sibling(meshes, finer, second, points, points_of_sibling=True)
+    return Sibling(meshes, finer, second, _other_model(with_compared_stress(every_node), store))
 
 
 def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
@@ -185,9 +199,11 @@ def unknown_mesh_error(why: str) -> ErrorStatement:
     return ErrorStatement("discretisation", f"What the mesh changes is unknown: {why}", {})
 
 
-def sibling_job(job: Job, *, finer: bool) -> Job:
-    """The job on elements of half the size, or twice; see `romdam.config.other_mesh`."""
-    return on_finer_mesh(job) if finer else on_coarser_mesh(job)
+def sibling_jobs(job: Job, *, finer: bool) -> list[SiblingJob]:
+    """The job on elements of half the size or twice, or by direction; see `romdam.config.other_mesh`."""
+    if finer:
+        return [SiblingJob(EVERY_DIRECTION, 2.0, on_finer_mesh(job))]
+    return coarser_by_direction(job) or [SiblingJob(EVERY_DIRECTION, 2.0, on_coarser_mesh(job))]
 
 
 def with_stress(model: Model) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from romdam.config.base import Model
@@ -17,6 +17,12 @@ from romdam.core.errors import ConfigError
 
 _QUADRATIC = {"hex8": "hex20", "tet4": "tet10"}
 _OF_DAM = ("along", "through", "up")  # divisions of the dam itself, whose nodes hold the gaps
+_ROCK = ("perimeter", "rock", "depth", "upstream", "downstream", "banks")
+# what is made coarser first to last: the earlier, the more gaps are saved in all later ones
+EVERY_DIRECTION = "every direction"
+DIRECTIONS: dict[str, tuple[str, ...]] = {
+    "up": ("up",), "through": ("through",), "along": ("along",), "rock": _ROCK,
+}  # fmt: skip
 _POINTS: dict[str, dict[str, object]] = {  # contact points -> keys of every joint
     "nodes": {"gaps": "nodes", "discretization": "node_to_node"},
     "corners": {"gaps": "corners", "discretization": "node_to_node"},
@@ -67,6 +73,54 @@ def on_coarser_mesh(job: Job) -> Job:
                     location = f"{job.path}: {key}.divisions.{name}"
                     _refuse_coarser(location, f"is {count}, which cannot be halved")
     return _on_other_mesh(job, finer=False)
+
+
+@dataclass(frozen=True)
+class SiblingJob:
+    """A job on another mesh: in which direction that differs, and the ratio of the sizes of elements."""
+
+    direction: str
+    times: float
+    job: Job
+
+
+def coarser_by_direction(job: Job) -> list[SiblingJob]:
+    """Jobs on meshes of twice the size, each in one more direction than the one before.
+
+    A dam without rock has no such direction. Odd divisions along an arch, which hold no gaps, are rounded
+    up, as odd numbers of layers of rock.
+
+    Returns
+    -------
+    none for a job that is not of a generated dam alone, on elements of quadratic displacements
+
+    Raises
+    ------
+    ConfigError
+        for stiffnesses of single gaps, and odd numbers of elements through a dam or up.
+    """
+    dams = {"arch_dam": job.config.arch_dam, "gravity_dam": job.config.gravity_dam}
+    ((key, dam), *more) = [pair for pair in dams.items() if pair[1] is not None] or [("", None)]
+    if dam is None or more or job.config.blocks or dam.element in _QUADRATIC:
+        return []
+    _refuse_bound_to_mesh(job)
+    divisions, chain = dam.divisions.refined, list[SiblingJob]()
+    for direction, names in DIRECTIONS.items():
+        counts = {name: getattr(divisions, name) for name in names if hasattr(divisions, name)}
+        coarser: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
+        times = max(count / ((count + 1) // 2) for count in counts.values())
+        if direction == "rock":
+            if (dam.rock is None and getattr(dam, "perimeter", None) is None) or times == 1.0:
+                continue
+            times, coarser = 2.0, coarser | {"growth": divisions.growth**2}
+        elif times == 1.0 or (times < 2.0 and (direction != "along" or key == "gravity_dam")):
+            _refuse_coarser(
+                f"{job.path}: {key}.divisions.{direction}", f"is {counts[direction]}, which cannot be halved"
+            )
+        divisions = divisions.model_copy(update=coarser)
+        changed = dam.model_copy(update={"divisions": divisions})
+        chain.append(SiblingJob(direction, times, _of_another_mesh(job, {key: changed})))
+    return chain
 
 
 def on_quadratic_elements(job: Job) -> Job:

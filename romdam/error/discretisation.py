@@ -11,6 +11,12 @@ resolves, the lower is the order that is seen: from a difference of `_RESOLVED` 
 factor rises to `OVER_COARSER`. Where there is a second sibling of elements of 4 h, the order of the two
 differences is taken in place of all this. Stress of quadratic elements and the forces of joints have p = 2.
 
+Quadratic meshes of generated dams have a chain of siblings, each of twice the size in one more direction than
+the one before. A difference in one direction is small and keeps the order of its elements, which that in
+every direction at once does not, and each sibling is cheaper than the one before. Errors are the root of the
+sum of squares over the directions: differences of joints that open and close in turn are hardly correlated
+from direction to direction. From n elements to fewer, n / r of them, the factor is 1 / (r^p - 1).
+
 Fewer contact points than nodes (`spacing`) are a term of their own: the difference to the same run with a gap
 at every node, on the mesh itself or, where the coarser sibling's nodes are much closer than the spacing, on
 that. Every error is relative to what moves: histories less their values at rest.
@@ -22,12 +28,14 @@ Roache, J. Fluids Eng. 116 (1994) 405: the grid convergence index, the same with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
+from romdam.config.other_mesh import EVERY_DIRECTION
 from romdam.contact.components import NORMAL, SHEAR_J
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError, listed
@@ -90,6 +98,21 @@ class MeshRun:
     quadratic: bool = False
 
 
+@dataclass(frozen=True)
+class SiblingRun:
+    """A run on another mesh.
+
+    Attributes
+    ----------
+    direction : in which the meshes differ
+    times : size of the coarser elements over that of the finer ones, in that direction
+    """
+
+    direction: str
+    times: float
+    run: MeshRun
+
+
 def mesh_run(
     scene: Scene,
     history: History,
@@ -113,7 +136,7 @@ def mesh_run(
 
 def discretisation(
     run: MeshRun,
-    sibling: MeshRun,
+    sibling: MeshRun | Sequence[SiblingRun],
     *,
     finer: bool,
     about: Mapping[str, object],
@@ -129,7 +152,8 @@ def discretisation(
 
     Parameters
     ----------
-    sibling : the same with elements of half the size, or of twice the size
+    sibling : the same with elements of half the size, or of twice the size; or a chain of runs on meshes,
+        each coarser than the one before in one more direction
     finer : whether it is of half the size
     about : record, configuration and whatever else is to be written with it
     second : a coarser sibling's own, of four times the size, which shows the order
@@ -141,15 +165,28 @@ def discretisation(
     ResultError
         where no gap of the one is at a gap of the other, or the two have other times.
     """
-    differences = _differences(run, sibling, finer=finer)
-    shown = None if second is None else _differences(sibling, second, finer=False).errors
+    chain = [SiblingRun(EVERY_DIRECTION, 2.0, sibling)] if isinstance(sibling, MeshRun) else list(sibling)
+    last = chain[-1].run
+    differences = _differences(run, last, finer=finer)
+    shown = None if second is None else _differences(last, second, finer=False).errors
     if shown is not None and shown["opening"].l2 >= _UNRESOLVED:
         shown = None
-    factor_of = {
-        name: _error_over_difference(name, error, run, finer=finer, shown=shown)
-        for name, error in differences.errors.items()
+    factor = partial(_error_over_difference, run=run, finer=finer, shown=shown)
+    directions = {EVERY_DIRECTION: _errors_of(differences, partial(factor, times=chain[0].times))}
+    if len(chain) > 1:
+        before = [run, *(coarser.run for coarser in chain[:-1])]
+        directions = {
+            coarser.direction: _errors_of(
+                _differences(better, coarser.run, finer=False), partial(factor, times=coarser.times)
+            )
+            for better, coarser in zip(before, chain, strict=True)
+        }
+    of_elements = _root_of_squares([errors for errors, _ in directions.values()])
+    nodes = {
+        node: {name: error.plain for name, error in _root_of_squares(each).items()}
+        for node in differences.nodes
+        if (each := [of_nodes[node] for _, of_nodes in directions.values()])
     }
-    of_elements = {name: scaled(error, factor_of[name]) for name, error in differences.errors.items()}
     errors, of_points = of_elements, dict[str, RelativeError]()
     if points is not None:
         of_points = _differences(*points, finer=True).errors
@@ -157,37 +194,40 @@ def discretisation(
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]
     if "acceleration" in lost and "response_spectrum" not in lost:
         lost.append("response_spectrum")
-    nodes = {
-        node: {name: scaled(error, factor_of[name]).plain for name, error in each.items()}
-        for node, each in differences.nodes.items()
-    }
     of_stress: dict[str, object] = {}
-    if run.stress is not None and sibling.stress is not None:
-        judged, better = (run.stress, sibling.stress) if finer else (sibling.stress, run.stress)
+    if run.stress is not None and last.stress is not None:
+        judged, better = (run.stress, last.stress) if finer else (last.stress, run.stress)
         ring = judged if finer else better
         of_all_faces, faces = face_errors(judged, better, ring, OVER_FINER if finer else OVER_COARSER)
-        factor = _error_over_difference(
-            "section", differences.errors["opening"], run, finer=finer, shown=None
-        )
-        of_all_sections, sections = section_errors(judged, better, factor)
+        of_section = factor("section", differences.errors["opening"], shown=None, times=2.0)
+        of_all_sections, sections = section_errors(judged, better, of_section)
         errors = errors | of_all_faces | of_all_sections
         lost += [name for name, error in (of_all_faces | of_all_sections).items() if error.l2 >= _LOST]
         of_stress = {"faces": faces, "sections": sections}
     details: dict[str, object] = {
         "sibling": "finer" if finer else "coarser",
         "unknowns": run.unknowns,
-        "unknowns_sibling": sibling.unknowns,
+        "unknowns_sibling": last.unknowns,
         "gaps": len(run.position),
-        "gaps_sibling": len(sibling.position),
+        "gaps_sibling": len(last.position),
         "gaps_compared": differences.compared,
         "joints_not_compared": differences.not_compared,
         "joints_still_sliding": differences.sliding,
-        "error_over_difference": factor_of["opening"],
+        "error_over_difference": factor("opening", differences.errors["opening"], times=2.0),
         "order_shown": shown is not None,
         "not_resolved": lost,
         "nodes": nodes,
         **of_stress,
     }
+    if len(chain) > 1:
+        details["directions"] = {
+            coarser.direction: errors["opening"].plain
+            | {
+                "times_unknowns_to_halve": _times_to_halve(better.unknowns, coarser.run.unknowns),
+                "times_gaps_to_halve": _times_to_halve(len(better.position), len(coarser.run.position)),
+            }
+            for better, coarser, (errors, _) in zip(before, chain, directions.values(), strict=True)
+        }
     if points is not None:
         details["elements"] = {name: error.plain for name, error in of_elements.items()}
         details["contact_points"] = {name: error.plain for name, error in of_points.items()}
@@ -270,15 +310,20 @@ def _error_over_difference(
     *,
     finer: bool,
     shown: Mapping[str, RelativeError] | None,
+    times: float,
 ) -> float:
     """The factor from a difference to the error, see the module.
 
     Parameters
     ----------
     shown : the differences of the sibling to a second one, of twice its elements' size
+    times : size of the coarser elements over that of the finer ones
     """
     if finer:
         return OVER_FINER
+    if times != 2.0:
+        of_twice = _error_over_difference(quantity, difference, run, finer=finer, shown=shown, times=2.0)
+        return float(1.0 / (times ** np.log2(1.0 + 1.0 / of_twice) - 1.0))
     if not run.quadratic or quantity not in _MOVING:
         return OVER_COARSER
     former = None if shown is None else shown.get(quantity)
@@ -287,6 +332,37 @@ def _error_over_difference(
         return float(1.0 / (2.0**order - 1.0))
     rise = np.clip((difference.l2 - _RESOLVED) / (_UNRESOLVED - _RESOLVED), 0.0, 1.0)
     return float(OVER_COARSER_QUADRATIC + rise * (OVER_COARSER - OVER_COARSER_QUADRATIC))
+
+
+def _errors_of(
+    differences: _Differences, factor: Callable[[str, RelativeError], float]
+) -> tuple[dict[str, RelativeError], dict[str, dict[str, RelativeError]]]:
+    """Errors of every quantity, and of output nodes, from what two runs differ by and the factor of each."""
+    factor_of = {name: factor(name, error) for name, error in differences.errors.items()}
+    nodes = {
+        node: {name: scaled(error, factor_of[name]) for name, error in each.items()}
+        for node, each in differences.nodes.items()
+    }
+    return {name: scaled(error, factor_of[name]) for name, error in differences.errors.items()}, nodes
+
+
+def _root_of_squares(parts: Sequence[Mapping[str, RelativeError]]) -> dict[str, RelativeError]:
+    """The root of the sum of squares of errors of every quantity, joint by joint too."""
+    names = dict.fromkeys(name for part in parts for name in part)
+    each = {name: [part[name] for part in parts if name in part] for name in names}
+    return {
+        name: RelativeError(
+            float(np.linalg.norm([error.l2 for error in errors])),
+            float(np.linalg.norm([error.peak for error in errors])),
+            _root_of_squares([error.joints for error in errors]),
+        )
+        for name, errors in each.items()
+    }
+
+
+def _times_to_halve(count: int, coarser: int) -> float:
+    """How many times a count is multiplied by half the size in a direction; it is linear in the divisions."""
+    return 3.0 - 2.0 * coarser / count
 
 
 def _added(error: RelativeError, more: RelativeError | None) -> RelativeError:
@@ -336,7 +412,14 @@ def _sentence(
     if isinstance(sliding, list) and sliding:
         histories += f"; the slip that is left in {listed(sliding)} is not stated, for it still slides"
     source = f"{factor:.2g} of the difference to elements of {size} the size"
-    if details["order_shown"]:
+    if isinstance(directions := details.get("directions"), Mapping):
+        each = [
+            f"{name} {percent(part['l2'])} (half the size: {part['times_unknowns_to_halve']:.2g} times the "
+            f"unknowns, {part['times_gaps_to_halve']:.2g} times the gaps)"
+            for name, part in directions.items()
+        ]
+        source = f"the root of squares over directions, from twice the size in each: {', '.join(each)}"
+    elif details["order_shown"]:
         source += ", as the difference to four times the size shows"
     elif OVER_COARSER_QUADRATIC < factor < OVER_COARSER:
         source += f" (the truth is between {OVER_COARSER_QUADRATIC} and {OVER_COARSER} of it)"

@@ -8,12 +8,25 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from arch_dams import PERIMETER, ROCK, ROCKS, arch_dam
 from test_cli import SMALL, call
 
 import romdam.pipelines.error.sibling as sibling_module
-from romdam.core.errors import ResultError
+from romdam.config.load import load_config
+from romdam.config.other_mesh import coarser_by_direction, on_coarser_mesh
+from romdam.core.errors import ConfigError, ResultError
 from romdam.core.system import SLIP
-from romdam.error.discretisation import OVER_COARSER, OVER_COARSER_QUADRATIC, MeshRun, discretisation
+from romdam.error.discretisation import (
+    OVER_COARSER,
+    OVER_COARSER_QUADRATIC,
+    OVER_FINER,
+    MeshRun,
+    SiblingRun,
+    discretisation,
+)
+from romdam.pipelines.error.mesh import run_on_mesh
+from romdam.pipelines.run import Clock, silent
+from romdam.records.record_set import load_motions
 
 TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}
@@ -313,6 +326,105 @@ def test_what_moves_converges_faster_on_quadratic_elements():
     stated = discretisation(replace(sibling, quadratic=True), run, finer=True, about=ABOUT)
     for name in expected:  # 1.5 of it to a finer mesh, whatever the elements
         assert stated.errors[name].l2 == pytest.approx(0.15, rel=1e-9)
+
+
+def test_errors_of_directions_add_up_as_squares():
+    """Up 10 % of the run, along 5 % of that: 2 % and, from 3 to 2 elements, 1 / (1.5^2.585 - 1) of 5 %."""
+    run, up = run_of((1.0, 2.0, 3.0), motion=1.0), run_of((1.1, 2.2, 3.3), motion=1.1)
+    along = run_of((1.155, 2.31, 3.465), motion=1.1)
+    run, up = replace(run, quadratic=True, unknowns=100), replace(up, quadratic=True, unknowns=60)
+    siblings = [SiblingRun("up", 2.0, up), SiblingRun("along", 1.5, along)]
+    stated = discretisation(run, siblings, finer=False, about=ABOUT)
+    of_along = 0.05 / (1.5 ** np.log2(6.0) - 1.0)
+    for error in (stated.errors["opening"], stated.errors["opening"].joints["k"]):
+        assert error.l2 == pytest.approx(np.hypot(0.02, of_along)) == error.peak
+    assert stated.errors["displacement"].l2 == pytest.approx(0.02)
+    assert stated.details["nodes"]["top"]["displacement"]["l2"] == pytest.approx(0.02)
+    directions = stated.details["directions"]
+    assert directions["up"]["l2"] == pytest.approx(0.02)
+    assert directions["along"]["joints"]["j"]["l2"] == pytest.approx(of_along)
+    # 60 of 100 unknowns are left at half the divisions, so that twice of them have 180
+    assert directions["up"]["times_unknowns_to_halve"] == pytest.approx(1.8)
+    assert "up 2 % (half the size: 1.8 times the unknowns, 1 times the gaps), along 2.7 % " in stated.sentence
+
+
+def arch_job(folder, divisions, **dam):
+    """A dam of three cantilevers without rock in a pulse of two seconds."""
+    time = np.arange(200) * 0.01
+    np.savetxt(folder / "pulse.txt", 6.0 * np.sin(2 * np.pi * 3.0 * time) * np.exp(-time))
+    keys = {"element": "hex20", "divisions": divisions, "cantilevers": 3} | dam
+    components = {axis: {"file": "pulse.txt"} for axis in "yx"}
+    wet = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3)]
+    raw = arch_dam(ground=False, **keys) | {
+        "loads": {"gravity": [0, 0, -9.81], "hydrostatic": [{"level": 85.0, "faces": wet}]},
+        "damping": {"rayleigh": {"frequencies": [2.0, 15.0], "ratio": 0.05}},
+        "records": [
+            {
+                "name": "pulse",
+                "unit": "m/s2",
+                "dt": 0.01,
+                "components": components,
+            }
+        ],
+        "model": {"cutoff": 50.0, "residual_vectors": 10},
+        "transient": {"finest_step": 1.25e-3, "duration": 2.0},
+        "outputs": {"output_interval": 0.01, "plots": False},
+    }
+    path = folder / "arch.yaml"
+    path.write_text(yaml.safe_dump(raw))
+    return path
+
+
+def test_siblings_of_a_dam_are_coarser_in_one_more_direction_each(tmp_path):
+    rock = {"along": 3, "through": 2, "up": 3, "perimeter": 1, "rock": 5, "upstream": 3, "downstream": 4}
+    raw = yaml.safe_load(arch_job(tmp_path, rock | {"refine": 1, "growth": 4.0}).read_text())
+    raw["arch_dam"] |= {"perimeter": PERIMETER, "rock": ROCK}
+    raw["materials"] |= ROCKS
+    job = load_config(raw)
+    chain = coarser_by_direction(job)
+    assert [(each.direction, each.times) for each in chain] == [
+        ("up", 2.0), ("through", 2.0), ("along", 2.0), ("rock", 2.0)
+    ]  # fmt: skip
+    counts = [each.job.config.arch_dam.divisions for each in chain]
+    assert [(d.along, d.through, d.up, d.rock, d.upstream) for d in counts] == [
+        (6, 4, 3, 10, 6), (6, 2, 3, 10, 6), (3, 2, 3, 10, 6), (3, 2, 3, 5, 3)
+    ]  # fmt: skip
+    assert counts[2].growth == pytest.approx(2.0) and counts[3].growth == pytest.approx(4.0)
+    assert chain[-1].job.config.arch_dam == on_coarser_mesh(job).config.arch_dam.model_copy(
+        update={"divisions": counts[3]}
+    )
+    odd = load_config(arch_job(tmp_path, {"along": 3, "through": 2, "up": 4}))
+    assert [(each.direction, each.times) for each in coarser_by_direction(odd)] == [
+        ("up", 2.0), ("through", 2.0), ("along", 1.5)
+    ]  # fmt: skip
+    with pytest.raises(ConfigError, match=r"arch_dam.divisions.through: is 3, which cannot be halved"):
+        coarser_by_direction(load_config(arch_job(tmp_path, {"along": 2, "through": 3, "up": 4})))
+    assert coarser_by_direction(load_config(arch_job(tmp_path, {}, element="hex8"))) == []
+
+
+def test_what_a_dam_states_by_direction_is_within_a_factor_of_two_of_the_truth(tmp_path):
+    """Three cantilevers of (3, 2, 8) against (6, 4, 12); `romdam verify` states the same as the run."""
+    path = arch_job(tmp_path, {"along": 3, "through": 2, "up": 8})
+    code, _, err = call("run", path, "--out", tmp_path / "run", "--quiet")
+    assert code == 0, err
+    document = json.loads(attributes_of(tmp_path / "run" / "pulse.nc")["discretisation"])
+    assert set(document["directions"]) == {"up", "through", "along"}
+    code, _, err = call("verify", path, "--mesh", "coarser", "--out", tmp_path / "verify", "--quiet")
+    assert code == 0, err
+    verified = json.loads((tmp_path / "verify" / "discretisation.json").read_text())
+    # the run's basis is made together with the finer one of its estimate
+    assert verified["error"]["opening"]["l2"] == pytest.approx(document["error"]["opening"]["l2"], rel=1e-3)
+    runs = []
+    for divisions in ({"along": 3, "through": 2, "up": 8}, {"along": 6, "through": 4, "up": 16}):
+        job = load_config(arch_job(tmp_path, divisions))
+        (motion,) = load_motions(job.config.records, job.folder)
+        runs.append(run_on_mesh(job, motion, 2.0, Clock(silent), "run")[0])
+    true = discretisation(*runs, finer=True, about=ABOUT).errors["opening"]
+    stated = document["error"]["opening"]
+    for measure in ("l2", "peak"):
+        truth = getattr(true, measure) / OVER_FINER
+        assert truth > 0.01
+        assert 0.5 * truth <= stated[measure] <= 2.0 * truth, (measure, stated[measure], truth)
 
 
 def test_a_coarser_mesh_that_resolves_nothing_shows_no_order_of_quadratic_elements():
