@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import (
+    EVERY_DIRECTION,
+    coarser_by_direction,
+    finer_in_direction,
     on_coarser_mesh,
     on_finer_mesh,
     on_quadratic_elements,
@@ -17,7 +21,7 @@ from romdam.config.other_mesh import (
 )
 from romdam.config.sections.transient import MESH_SHARE
 from romdam.core.errors import ConfigError, MeshError, ReductionError
-from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.discretisation import OVER_COARSER_QUADRATIC, MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement, percent
 from romdam.pipelines.error.sibling import MANY_MORE
 from romdam.pipelines.simulation import Model
@@ -25,6 +29,8 @@ from romdam.results.case import Case
 from romdam.timestepping.integrators.protocol import Progress
 
 MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
+AnyMesh = TypeVar("AnyMesh")
+_OF_TWICE = 1.0 + 1.0 / OVER_COARSER_QUADRATIC  # times the error, on quadratic elements of twice the size
 _TRUSTED = 0.03  # stated from a coarser mesh: beyond it that is too coarse to tell, and a finer one is asked
 _ORDER = (
     2.0  # of the error in the size of the elements, to tell which mesh would keep an error: linear elements
@@ -81,7 +87,8 @@ class _Tried:
     jobs: dict[str, Job] = field(default_factory=dict)
     trials: dict[str, Trial] = field(default_factory=dict)
     statements: dict[str, ErrorStatement] = field(default_factory=dict)
-    judged_by: dict[str, tuple[str, bool]] = field(default_factory=dict)  # mesh -> other mesh, whether finer
+    # mesh -> direction, ratio of sizes and name of other meshes, and whether they are finer
+    judged_by: dict[str, tuple[list[tuple[str, float, str]], bool]] = field(default_factory=dict)
 
     def compare(self, coarse: str, fine: str) -> str | None:
         """Run two meshes, one of half the size of the other; the coarser one that keeps the share, if any."""
@@ -98,15 +105,50 @@ class _Tried:
 
     def judge(self, coarse: str, fine: str) -> None:
         """State the errors of two meshes by each other."""
-        self.judged_by |= {coarse: (fine, True), fine: (coarse, False)}
+        self.judged_by[coarse] = [(EVERY_DIRECTION, 2.0, fine)], True
+        self.judged_by[fine] = [(EVERY_DIRECTION, 2.0, coarse)], False
         for name in (coarse, fine):
             self.statements[name] = self.statement(name)
 
     def statement(self, name: str, points: tuple[MeshRun, MeshRun] | None = None) -> ErrorStatement:
         """The error of a mesh, and of its contact points where runs are given that tell it."""
-        other, finer = self.judged_by[name]
-        runs = self.trials[name].run, self.trials[other].run
-        return discretisation(*runs, finer=finer, about=self.about, points=points)
+        others, finer = self.judged_by[name]
+        siblings = [SiblingRun(where, times, self.trials[other].run) for where, times, other in others]
+        return discretisation(self.trials[name].run, siblings, finer=finer, about=self.about, points=points)
+
+    def by_direction(self, name: str) -> MeshChoice:
+        """Choose a dam's mesh: the direction that pays is refined until the share is kept.
+
+        A direction pays by the square of its error over what refining it costs, unknowns times gaps. Where
+        the share would hold an error of twice the size too, that mesh is where it begins.
+        """
+        self.judge_directions(name)
+        while _OF_TWICE * self.error(name) <= self.share:
+            coarser = self.judged_by[name][0][-1][2]
+            if _where_possible(coarser_by_direction, self.jobs[coarser]) is None:
+                break
+            self.judge_directions(name := coarser)
+        while self.error(name) > self.share:
+            self.refuse_large(name)
+            parts = self.statements[name].details["directions"]
+            assert isinstance(parts, dict)
+            pays = max(parts, key=lambda each: _worth(parts[each]))
+            name = self.mesh(f"{name}, finer {pays}", finer_in_direction(self.jobs[name], pays))
+            self.judge_directions(name)
+        return self.choose(name)
+
+    def judge_directions(self, name: str) -> None:
+        """Run a dam's mesh and its siblings by direction, and state its error."""
+        others, siblings = [], coarser_by_direction(self.jobs[name])
+        for k, sibling in enumerate(siblings):
+            coarser = " and ".join(each.direction for each in siblings[: k + 1])
+            others.append(
+                (sibling.direction, sibling.times, self.mesh(f"{name}, coarser {coarser}", sibling.job))
+            )
+        for other in (name, *(each for _, _, each in others)):
+            self.run(other)
+        self.judged_by[name] = others, False
+        self.statements[name] = self.statement(name)
 
     def with_contact_points(self, name: str) -> ErrorStatement:
         """The error of a mesh and of its contact points, by the smallest mesh with many more nodes."""
@@ -178,6 +220,7 @@ class _Tried:
                 "chosen": tried == name,
             }
             for tried, trial in self.trials.items()
+            if tried in self.statements
         ]
         statement = self.with_contact_points(name)
         spaced = "contact_points" in statement.details
@@ -195,6 +238,12 @@ class _Tried:
         )
 
 
+def _worth(part: Mapping[str, float]) -> float:
+    """What refining a direction is worth, see `_Tried.by_direction`."""
+    cost = part["times_unknowns_to_halve"] * part["times_gaps_to_halve"]
+    return part["l2"] ** 2 / max(cost - 1.0, 1e-3)
+
+
 def with_accuracy(job: Job, accuracy: float | None) -> Job:
     """The job with an accuracy of its steps, and of `modes: auto`."""
     transient = job.config.transient.model_copy(update={"accuracy": accuracy})
@@ -207,9 +256,10 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
     The given mesh and one of elements of twice the size are run first, or of half where there is none of
     twice. If neither keeps the share, elements of quadratic displacements follow, of twice the size, then as
     given. Quadratic elements, also given ones, have gaps at the corners of their faces where such joints can
-    be made, of which there are a third. Then each mesh is refined until one does. The error of a mesh is
-    stated as by `romdam verify --mesh`, from a sibling of the same kind; what a coarser one states beyond 3 %
-    is asked of a finer one.
+    be made, of which there are a third. Then each mesh is refined until one does, in the direction that pays
+    where a generated dam states its error by direction. The error of a mesh is stated as by `romdam verify
+    --mesh`, from siblings of the same kind; what a coarser one in every direction states beyond 3 % is asked
+    of a finer one.
 
     Parameters
     ----------
@@ -232,6 +282,8 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
             name = tried.mesh(f"{last}, gaps at corners", corners)
             if tried.can_run(name):
                 mesh, last, points = corners, name, ", gaps at corners"
+        if _where_possible(coarser_by_direction, mesh):
+            return tried.by_direction(last)
         coarser = _where_possible(on_coarser_mesh, mesh)
         if coarser is not None:
             coarse = tried.mesh(f"{kind}elements of twice the size{points}", coarser)
@@ -265,8 +317,8 @@ def _gaps_at_corners(job: Job) -> Job | None:
     return _where_possible(lambda whole: with_contact_points(whole, "corners"), job)
 
 
-def _where_possible(change: Callable[[Job], Job], job: Job) -> Job | None:
-    """The job on another mesh, or None where it has no such mesh."""
+def _where_possible(change: Callable[[Job], AnyMesh], job: Job) -> AnyMesh | None:
+    """The job on another mesh, or on several, or None where it has no such mesh."""
     try:
         return change(job)
     except ConfigError:

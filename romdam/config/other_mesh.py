@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -9,8 +10,10 @@ from typing import TypeVar
 
 from romdam.config.base import Model
 from romdam.config.load import Job
+from romdam.config.sections.geometry.arch_dam import ArchDamConfig
+from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
-from romdam.config.sections.geometry.refinement import Divisions
+from romdam.config.sections.geometry.refinement import MOST_DIVISIONS, Divisions
 from romdam.config.sections.joints import JointProperties
 from romdam.config.sections.study import ContactPoints
 from romdam.core.errors import ConfigError
@@ -99,9 +102,8 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
     ConfigError
         for stiffnesses of single gaps, and odd numbers of elements through a dam or up.
     """
-    dams = {"arch_dam": job.config.arch_dam, "gravity_dam": job.config.gravity_dam}
-    ((key, dam), *more) = [pair for pair in dams.items() if pair[1] is not None] or [("", None)]
-    if dam is None or more or job.config.blocks or dam.element in _QUADRATIC:
+    key, dam = _quadratic_dam(job)
+    if dam is None:
         return []
     _refuse_bound_to_mesh(job)
     divisions, chain = dam.divisions.refined, list[SiblingJob]()
@@ -110,7 +112,7 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
         coarser: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
         times = max(count / ((count + 1) // 2) for count in counts.values())
         if direction == "rock":
-            if (dam.rock is None and getattr(dam, "perimeter", None) is None) or times == 1.0:
+            if not _has_ground(dam) or times == 1.0:
                 continue
             times, coarser = 2.0, coarser | {"growth": divisions.growth**2}
         elif times == 1.0 or (times < 2.0 and (direction != "along" or key == "gravity_dam")):
@@ -120,7 +122,53 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
         divisions = divisions.model_copy(update=coarser)
         changed = dam.model_copy(update={"divisions": divisions})
         chain.append(SiblingJob(direction, times, _of_another_mesh(job, {key: changed})))
-    return chain
+    return [replace(each, job=_without_stress(each.job)) for each in chain[:-1]] + chain[-1:]
+
+
+def finer_in_direction(job: Job, direction: str) -> Job:
+    """The job of a generated dam with half again as many elements in one of `DIRECTIONS`, an even number.
+
+    Raises
+    ------
+    ConfigError
+        for a job that is not of a generated dam alone on quadratic elements, one without rock where that is
+        the direction, and for more elements than a dam may have.
+    """
+    key, dam = _quadratic_dam(job)
+    if dam is None:
+        raise ConfigError(
+            f"{job.path}: only a generated dam on quadratic elements is refined in one direction"
+        )
+    if direction == "rock" and dam.rock is None:
+        raise ConfigError(f"{job.path}: {key}: there is no rock to refine")
+    divisions = dam.divisions.refined
+    wanted: dict[str, object] = {
+        name: 2 * math.ceil(0.75 * getattr(divisions, name))
+        for name in DIRECTIONS[direction]
+        if hasattr(divisions, name)
+    }
+    if direction == "rock":
+        wanted["growth"] = divisions.growth ** (1.0 / 1.5)
+    if max(value for value in wanted.values() if isinstance(value, int)) > MOST_DIVISIONS:
+        raise ConfigError(
+            f"{job.path}: {key}.divisions: more than {MOST_DIVISIONS} {direction} are not meshed"
+        )
+    changed = dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
+    return replace(job, config=job.config.model_copy(update={key: changed}))
+
+
+def _quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig | None]:
+    """Key and section of a job's generated dam, None without one alone on quadratic displacements."""
+    dams = {"arch_dam": job.config.arch_dam, "gravity_dam": job.config.gravity_dam}
+    present = [(key, dam) for key, dam in dams.items() if dam is not None]
+    if len(present) != 1 or job.config.blocks or present[0][1].element in _QUADRATIC:
+        return "", None
+    return present[0]
+
+
+def _has_ground(dam: ArchDamConfig | GravityDamConfig) -> bool:
+    """Whether a dam stands on rock or on a perimeter."""
+    return dam.rock is not None or (isinstance(dam, ArchDamConfig) and dam.perimeter is not None)
 
 
 def on_quadratic_elements(job: Job) -> Job:
@@ -240,6 +288,12 @@ def with_compared_stress(job: Job) -> Job:
         only: dict[str, object] = {"blocks": (), "nodes": {}, "strength": None}
         stress = stress.model_copy(update=only) if stress.faces or stress.sections else None
     outputs = job.config.outputs.model_copy(update={"stress": stress})
+    return replace(job, config=job.config.model_copy(update={"outputs": outputs}))
+
+
+def _without_stress(job: Job) -> Job:
+    """The job without stress, which the last of a chain of meshes is compared by."""
+    outputs = job.config.outputs.model_copy(update={"stress": None})
     return replace(job, config=job.config.model_copy(update={"outputs": outputs}))
 
 

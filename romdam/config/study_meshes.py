@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import (
+    finer_in_direction,
     has_linear_elements_only,
     on_coarser_mesh,
     on_finer_mesh,
@@ -23,6 +25,10 @@ MESHES: dict[StudiedMesh, str] = {
     "half": "half the size",
     "quadratic": "quadratic",
     "quadratic_twice": "quadratic of twice the size",
+    "finer_up": "finer up",
+    "finer_through": "finer through",
+    "finer_along": "finer along",
+    "finer_rock": "finer rock",
 }
 CONTACT_POINTS: dict[ContactPoints, str] = {
     "as_given": "as given",
@@ -36,6 +42,10 @@ _CHANGES: dict[StudiedMesh, tuple[Callable[[Job], Job], ...]] = {
     "half": (on_finer_mesh,),
     "quadratic": (on_quadratic_elements,),
     "quadratic_twice": (on_quadratic_elements, on_coarser_mesh),
+    "finer_up": (partial(finer_in_direction, direction="up"),),
+    "finer_through": (partial(finer_in_direction, direction="through"),),
+    "finer_along": (partial(finer_in_direction, direction="along"),),
+    "finer_rock": (partial(finer_in_direction, direction="rock"),),
 }
 
 

@@ -9,6 +9,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import yaml
+from arch_dams import arch_dam
 from test_cli import SMALL, call
 
 import romdam
@@ -226,7 +227,8 @@ def test_corners_and_nodes_of_linear_elements_are_one(tmp_path):
 
 def test_every_mesh_that_a_study_may_name_has_a_name_and_the_reference_is_finer(tmp_path):
     assert set(MESHES) == set(get_args(StudiedMesh)) and set(CONTACT_POINTS) == set(get_args(ContactPoints))
-    job = job_on(tmp_path, raw_job(2.5, meshes=list(MESHES)))
+    of_dams = [mesh for mesh in MESHES if mesh.startswith("finer_")]
+    job = job_on(tmp_path, raw_job(2.5, meshes=[mesh for mesh in MESHES if mesh not in of_dams]))
     boxes = {v.mesh: v.job.config.blocks["left"].box for v in studied_meshes(job)}
     assert {name: (box.element_size, box.element) for name, box in boxes.items()} == {
         "as given": (2.5, "hex8"),
@@ -240,6 +242,29 @@ def test_every_mesh_that_a_study_may_name_has_a_name_and_the_reference_is_finer(
     quadratic = on_quadratic_elements(job)
     meshes = [each.config.blocks["left"].box for each in reference_meshes(quadratic)]
     assert [box.element_size for box in meshes] == [1.25, 2.5]
+
+
+def test_a_dam_is_studied_finer_in_each_direction(tmp_path):
+    """Half again as many, an even number: 4 for 2 along and through, 6 for 4 up and in layers of rock."""
+    divisions = {"along": 2, "through": 2, "up": 4, "rock": 4, "upstream": 2, "downstream": 2, "growth": 2.0}
+    raw = raw_job(2.5, meshes=["as_given", "finer_up", "finer_through", "finer_along", "finer_rock"])
+    dam = arch_dam(element="hex20", divisions=divisions)
+    for key in ("blocks", "joints", "supports", "loads"):
+        raw.pop(key, None)
+    raw["outputs"] = {"plots": False}
+    raw |= dam
+    counts = {v.mesh: v.job.config.arch_dam.divisions for v in studied_meshes(job_on(tmp_path, raw))}
+    assert {name: (d.along, d.through, d.up, d.rock, d.upstream) for name, d in counts.items()} == {
+        "as given": (2, 2, 4, 4, 2),
+        "finer up": (2, 2, 6, 4, 2),
+        "finer through": (2, 4, 4, 4, 2),
+        "finer along": (4, 2, 4, 4, 2),
+        "finer rock": (2, 2, 4, 6, 4),
+    }
+    assert counts["finer rock"].growth == pytest.approx(2.0 ** (1.0 / 1.5))
+    raw["arch_dam"]["rock"] = raw["arch_dam"]["perimeter"] = None
+    with pytest.raises(ConfigError, match="finer_rock: there is no such mesh: arch_dam: there is no rock"):
+        studied_meshes(job_on(tmp_path, raw))
 
 
 def test_the_setting_that_a_total_accuracy_chooses_is_marked(tmp_path):

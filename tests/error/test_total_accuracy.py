@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from arch_dams import arch_dam
 from scene_builders import two_boxes
 from test_cli import SMALL, call
 
@@ -135,6 +136,58 @@ def test_a_large_error_that_a_coarser_mesh_states_is_asked_of_a_finer_one():
 def test_elements_that_are_quadratic_stay_so_and_are_refined():
     name, _, stated = chosen(Errors(0.0, quadratic=0.001), 0.0015, "hex20")
     assert name == "elements of 0.5 times the size, gaps at corners" and stated <= 0.0012
+
+
+def arch_job(**divisions):
+    """An arch dam without rock in hex20 elements."""
+    raw = arch_dam(ground=False, element="hex20", divisions=divisions) | {
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": "auto"},
+        "damping": {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.05}},
+        "transient": {"accuracy": {"total": 0.02}},
+    }
+    return load_config(parse_config(raw, "s.yaml").model_dump(mode="json"))
+
+
+def test_the_direction_of_a_dam_that_pays_is_refined():
+    """Errors c n^-2.585: 24, 12 and 6 % at (2, 4, 4) along, through and up, whose gaps cost.
+
+    What one direction leaves has a shape of its own in time, as histories of two meshes have.
+    """
+    at = {"along": (2, 0.24), "through": (4, 0.12), "up": (4, 0.06)}
+    shapes = [np.sin(k * TIME) for k in (5.0, 7.0, 11.0)]
+    truth = np.sin(3.0 * TIME)
+
+    def errors(job):
+        counts = job.config.arch_dam.divisions
+        return {name: c * (n / getattr(counts, name)) ** np.log2(6.0) for name, (n, c) in at.items()}
+
+    def run_mesh(job, name):
+        d = job.config.arch_dam.divisions
+        jump = truth + sum(e * shape for e, shape in zip(errors(job).values(), shapes, strict=True))
+        gaps = np.array(
+            [[0.0, b / d.through, c / d.up] for b in range(d.through + 1) for c in range(d.up + 1)]
+        )
+        jump = jump[:, None, None] * np.ones((1, len(gaps), 1))
+        history = SimpleNamespace(
+            time=TIME, jump=jump, mean_traction=jump, disp=np.zeros((401, 0)), acc=np.zeros((401, 0))
+        )
+        joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up
+        run = MeshRun(history, gaps, np.ones(len(gaps)), joints, (), np.zeros((0, 4)), unknowns, None, True)
+        return Trial(run, 1.0)
+
+    choice = choose_mesh(arch_job(along=2, through=4, up=4), 0.1, run_mesh, ABOUT)
+    divisions = choice.job.config.arch_dam.divisions
+    # 24 % are 4 % at 4 along, 12 % are 4.2 % at 6 through; with the 6 % up that is 8.4 %
+    assert (divisions.along, divisions.through, divisions.up) == (4, 6, 6)
+    true, stated = np.linalg.norm(list(errors(choice.job).values())), choice.statement.errors["opening"].l2
+    assert true <= 0.08 and stated <= 0.08 and 0.7 <= stated / true <= 1.5
+    names = [entry["mesh"] for entry in choice.statement.details["meshes"]]
+    assert (
+        names[0] == "elements as given" and names[1] == "elements as given, finer along" and len(names) == 4
+    )
+    fine = choose_mesh(arch_job(along=16, through=16, up=16), 0.1, run_mesh, ABOUT)
+    assert fine.job.config.arch_dam.divisions.along == 8  # twice the size keeps it too
 
 
 def test_where_the_coarser_mesh_does_not_run_the_finer_one_judges():

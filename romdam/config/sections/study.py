@@ -13,7 +13,10 @@ from romdam.config.sections.transient import ModalName
 Positive = Field(gt=0.0)
 Modes = Annotated[Whole, Field(ge=0, le=10_000)]  # beyond, nothing is reduced any more
 ResidualVectors = Annotated[Whole, Field(ge=0, le=1000)]
-StudiedMesh = Literal["as_given", "twice", "half", "quadratic", "quadratic_twice"]
+StudiedMesh = Literal[
+    "as_given", "twice", "half", "quadratic", "quadratic_twice",
+    "finer_up", "finer_through", "finer_along", "finer_rock",
+]  # fmt: skip
 ContactPoints = Literal["as_given", "nodes", "corners", "mortar"]
 
 
@@ -29,7 +32,8 @@ class StudyConfig(Model):
 
     meshes: Annotated[tuple[StudiedMesh, ...], Field(min_length=1)] | None = None
     """Meshes that are tried: as_given; elements of twice or of half the size; quadratic elements, as many as
-    given, or of twice the size. The mesh as given if not given."""
+    given, or of twice the size; of a generated dam on quadratic elements half again as many in one direction.
+    The mesh as given if not given."""
     contact_points: Annotated[tuple[ContactPoints, ...], Field(min_length=1)] | None = None
     """Gaps of joints that are tried: as_given; between the nodes of coinciding faces, at every one or at the
     corners of quadratic ones; or by mortar."""

@@ -9,7 +9,8 @@ from pydantic import Field
 from romdam.config.base import Model
 from romdam.config.quantities import Dimensionless, Whole
 
-Count = Annotated[Whole, Field(ge=1, le=200)]
+MOST_DIVISIONS = 200
+Count = Annotated[Whole, Field(ge=1, le=MOST_DIVISIONS)]
 Refinements = Annotated[Whole, Field(ge=0, le=3)]
 
 
