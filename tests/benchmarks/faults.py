@@ -668,13 +668,10 @@ _FAULTS = [
         ),
     ),
     *faults_in(
-        "postprocess/wedges.py",
-        ("tests/results/test_wedges.py",),
-        ("start = dt if last <= 0.0 else dt * first / (first - last)", "start = dt if last <= 0.0 else 0.0"),
-        (
-            "velocity * tau + 0.5 * begins * tau**2 + slope * tau**3 / 6.0",
-            "velocity * tau + 0.5 * begins * tau**2 + slope * tau**3 / 3.0",
-        ),
+        "postprocess/wedge_displacement.py",
+        ("tests/results/test_wedges.py", "tests/results/test_wedges_that_move.py"),
+        ("max(0.0, 1.0 - braked / speed)", "max(0.0, 1.0 - 0.9 * braked / speed)"),
+        ("0.5 * h * (velocity + after)", "0.45 * h * (velocity + after)"),
     ),
     *faults_in(
         "postprocess/floor_spectra.py",
