@@ -250,6 +250,7 @@ def all_of(kind, way, folder, monkeypatch):
     return values
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in SLOW else k for k in KINDS])
 def test_commands_tell_the_same_of_one_model(kind, tmp_path, monkeypatch):
     known = all_of(kind, WAYS[0], tmp_path / "0", monkeypatch)

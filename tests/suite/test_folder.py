@@ -140,6 +140,7 @@ def test_clean_refuses_what_is_not_the_suite(tmp_path):
         clean(romdam.load_config(config), tmp_path / "out")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_results_of_other_runs_in_the_folder_are_named(tmp_path):
     config = write_job(tmp_path, records=2)
     raw = yaml.safe_load(config.read_text()) | {"pipeline": "run"}

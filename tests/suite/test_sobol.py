@@ -208,6 +208,7 @@ def test_a_suite_has_the_shares_of_a_closed_form_oscillator(tmp_path):
         assert found[0] == approx(want[order], abs=5e-3)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_terminal_and_the_report_show_them(tmp_path):
     parameters = {"mu": {"path": "joints.gap.friction", "low": 0.2, "high": 0.6},
                   "gap": {"path": "joints.gap.gap", "values": ["0 mm", "1 mm"]}}  # fmt: skip

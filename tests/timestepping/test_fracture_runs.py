@@ -136,7 +136,11 @@ def test_a_second_run_goes_on_with_what_the_first_one_left_of_the_bond(tmp_path)
 def test_a_suite_varies_energies_and_strengths_and_no_words(tmp_path):
     key = {"path": "joints.lift.fracture.energy", "values": ["100 N/m", "300 N/m"]}
     suite = {"parameters": {"G": key}}
-    romdam.run_suite(job(tmp_path, peak=29.0, pipeline="suite", suite=suite), out=tmp_path / "out")
+    romdam.run_suite(
+        job(tmp_path, peak=29.0, pipeline="suite", suite=suite),
+        tmp_path / "out",
+        romdam.SuiteOptions(workers=1),
+    )
     peaks = romdam.open_suite(tmp_path / "out").gap_peak_opening.max("gap").values.ravel()
     assert peaks.shape == (2,) and peaks[0] > 1.2 * peaks[1] > 0.0
     words = {"parameters": {"s": {"path": "joints.lift.fracture.softening", "values": [1, 2]}}}

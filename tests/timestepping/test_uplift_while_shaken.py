@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 import yaml
 
-from romdam import run, run_suite
+from romdam import SuiteOptions, run, run_suite
 from romdam.config.load import load_config
 from romdam.core.motion import GroundMotion
 from romdam.pipelines import export
@@ -137,7 +137,7 @@ def test_samples_of_a_suite_have_the_cracks_of_lone_runs(tmp_path):
     strengths = {"path": "joints.base.tensile_strength", "values": ["1 kPa", "60 kPa", "2 kPa"]}
     keys = job({"earthquake": "full"}, **bond)
     suite = {"pipeline": "suite", "suite": {"parameters": {"T": strengths}, "keep": "full"}}
-    run_suite(written(keys | suite, tmp_path), tmp_path / "out")
+    run_suite(written(keys | suite, tmp_path), tmp_path / "out", SuiteOptions(workers=1))
     found = {}
     for path in (tmp_path / "out" / "runs").glob("*.nc"):
         with xr.open_dataset(path) as result:
