@@ -186,7 +186,7 @@ class _Stepper:
         state.inertia = system.M @ state.a
         moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
         damping = system.damping_force(rate)
-        energies.input += float((system.force - system.load @ motion.mean(axis=1)) @ moved) + fed
+        energies.input += float((system.force - system.load @ (0.5 * (before + after))) @ moved) + fed
         energies.damping += dt * float(rate @ damping)
         energies.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
         energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
