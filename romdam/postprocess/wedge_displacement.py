@@ -24,7 +24,7 @@ from romdam.config.sections.wedges import WedgeConfig
 from romdam.core.arrays import Bools, Floats
 from romdam.postprocess.wedges import WedgeGeometry, WedgeSliding
 
-_PARTS = 16  # of the interval between two rows, in which the force is linear
+_SUBSTEPS = 16  # of the interval between two rows, in which the force is linear
 _TOUCHES = 1e-9  # of the wedge's size, how near to a plane it is in contact
 _ALONG = 1e-9  # of the velocity: so little of it away from a plane is along it
 
@@ -50,9 +50,9 @@ def permanent_displacement(
         if rests and min(sliding.factor[k], sliding.factor[k + 1]) >= 1.0:
             moved[k + 1] = here
             continue
-        h = dt / _PARTS
-        for part in range(_PARTS):
-            push = force[k] + (part + 0.5) / _PARTS * (force[k + 1] - force[k])
+        h = dt / _SUBSTEPS
+        for substep in range(_SUBSTEPS):
+            push = force[k] + (substep + 0.5) / _SUBSTEPS * (force[k + 1] - force[k])
             touching = normals @ here <= near
             after = _step(velocity + h * push / mass, normals, touching, friction, cohesion * h / mass)
             here = here + 0.5 * h * (velocity + after)

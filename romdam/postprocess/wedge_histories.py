@@ -62,15 +62,15 @@ def wedge_dataset(
     names = list(computed)
     dims = {
         "plane": max(len(wedge.planes) for wedge in wedges.wedges.values()),
-        "edge": max(1, *(len(one["wedge_edge"]) for one in computed.values())),
+        "edge": max(1, *(len(variables["wedge_edge"]) for variables in computed.values())),
     }
     data = dict[str, tuple[tuple[str, ...], Array, dict[str, str]]]()
-    for key, (of_one, unit, text) in _VARIABLES.items():
-        padded = dims[of_one[-1]] if of_one and of_one[-1] in dims else None
-        columns = [_padded(one[key], padded) for one in computed.values()]
-        over_time = of_one[:1] == ("time",)
+    for key, (axes, unit, text) in _VARIABLES.items():
+        width = dims[axes[-1]] if axes and axes[-1] in dims else None
+        columns = [_padded(variables[key], width) for variables in computed.values()]
+        over_time = axes[:1] == ("time",)
         values = np.stack(columns, axis=1 if over_time else 0)
-        of_all = ("time", "wedge", *of_one[1:]) if over_time else ("wedge", *of_one)
+        of_all = ("time", "wedge", *axes[1:]) if over_time else ("wedge", *axes)
         data[key] = of_all, values, {"long_name": text} | ({"units": unit} if unit else {})
     dataset = xr.Dataset(
         data,

@@ -74,9 +74,9 @@ def wedge_loads(
     wedge, location = wedges.wedges[name], f"{source}: wedges.{name}"
     mass, count = wedge.density * geometry.volume, len(time)
     zero = np.zeros((count, 3))
-    found = {"weight": (zero + np.array([0.0, 0.0, -mass * wedges.gravity]), zero)}
+    loads = {"weight": (zero + np.array([0.0, 0.0, -mass * wedges.gravity]), zero)}
     if wedge.inertia is not False and (run is not None or wedge.inertia is not True):
-        found["inertia"] = (-mass * _acceleration(wedge, run, f"{location}.inertia"), zero)
+        loads["inertia"] = (-mass * _acceleration(wedge, run, f"{location}.inertia"), zero)
     sides: dict[str, WedgeSurfaceConfig] = {**wedge.planes, **wedge.surfaces}
     water = np.zeros((count, len(sides)))
     for k, (side, surface) in enumerate(sides.items()):
@@ -90,11 +90,11 @@ def wedge_loads(
         water[:, k] = pressure[:, 0]
         force = pressure[:, :1] * geometry.normals[k]
         moment = np.cross(pressure[:, 1:] - pressure[:, :1] * geometry.centroid, geometry.normals[k])
-        found[f"water on {side}"] = (force, moment)
-    for part, force, moment, at in _thrusts(wedge.thrust, run, geometry, count, f"{location}.thrust"):
-        found[part] = (force, moment + np.cross(at - geometry.centroid, force))
-    forces, moments = zip(*found.values(), strict=True)
-    return WedgeLoads(tuple(found), np.stack(forces, axis=1), np.stack(moments, axis=1), water)
+        loads[f"water on {side}"] = (force, moment)
+    for thrust, force, moment, at in _thrusts(wedge.thrust, run, geometry, count, f"{location}.thrust"):
+        loads[thrust] = (force, moment + np.cross(at - geometry.centroid, force))
+    forces, moments = zip(*loads.values(), strict=True)
+    return WedgeLoads(tuple(loads), np.stack(forces, axis=1), np.stack(moments, axis=1), water)
 
 
 def _acceleration(wedge: WedgeConfig, run: xr.Dataset | None, location: str) -> Floats:

@@ -122,15 +122,15 @@ def turning_factor(
         pressure = _linear_pressure(y, weight, push, pressed_at)
         strength = (plane.friction * pressure + plane.cohesion) * weight
         drive = np.column_stack([force @ axes.T, moment @ normal])
-        found, motion = _least_factor(y, strength, drive)
+        least, motion = _least_factor(y, strength, drive)
         others = [p for p in range(count) if p != k]
         for p in others:
             arm = geometry.polygons[p] - middle
             velocity = (motion[:, :2] @ axes)[:, None] + motion[:, 2, None, None] * np.cross(normal, arm)
             largest = np.linalg.norm(velocity, axis=2).max(axis=1)
             stopped = (velocity @ geometry.normals[p]).min(axis=1) < -_AGREES * largest
-            found = np.where(stopped, np.nan, found)
-        factor[rows] = np.where(np.isnan(pressure).any(axis=1), np.nan, found)
+            least = np.where(stopped, np.nan, least)
+        factor[rows] = np.where(np.isnan(pressure).any(axis=1), np.nan, least)
     return np.where(np.isfinite(factor), factor, np.nan)
 
 
