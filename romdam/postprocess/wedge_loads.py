@@ -22,7 +22,7 @@ from romdam.core.errors import ConfigError, listed
 from romdam.postprocess.wedges import WedgeGeometry, area_and_middle
 
 Levels = Mapping[str, tuple[Floats, Floats]]
-_OLD = "the result of an earlier version has no joint_moment; run it again"
+_OLD = "the result has no joint_moment, as those of earlier versions; run it again"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,30 +13,77 @@ import xarray as xr
 
 from romdam.core.errors import ResultError, quote
 from romdam.core.sealed import Opened
+from romdam.postprocess.record_measures import MEASURES
+from romdam.postprocess.responses import PARAMETER, WITHIN
+from romdam.postprocess.stress.faces import BASES, CRITERIA, LIMITS
+from romdam.postprocess.stress.sections import AXES, SIDES
+from romdam.postprocess.stress.summary import COMPONENTS
+from romdam.postprocess.stress.summary import MEASURES as STRESS_MEASURES
 from romdam.results.sliding import UNDEFINED
 from romdam.results.stress.variables import STRESS_VARIABLES
-from romdam.results.suite.rows import ROWS, STATED, attributes_of, dims_of
+from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, attributes_of, dims_of
 from romdam.results.variables import COORDINATES, VARIABLES
 
 _KNOWN = COORDINATES | VARIABLES
 _TEXTS = (
-    "title", "record", "configuration_file", "configuration", "configuration_sha256", "model_order",
-    "integrator", "date_created",
+    "title", "record", "record_provenance", "configuration_file", "configuration", "configuration_sha256",
+    "model_order", "integrator", "date_created",
 )  # fmt: skip
 _NUMBERS = ("record_dt", "record_peak_acceleration", "solver_finest_step")
 _OPTIONAL_TEXTS = (
     "model_file", "stress_file", "stress_statement", "floor_spectrum_statement", "error_statement",
-    "error_estimate", "error_not_included",
-    "certificate_statement", "discretisation_statement", "code_sha256", "scene_sha256", "record_sha256",
+    "error_estimate", "error_not_included", "certificate_statement", "discretisation_statement",
+    "code_sha256", "scene_sha256", "record_sha256", "base", "machine", "configuration_folder",
+    "references", "comment", "Conventions", "history",
 )  # fmt: skip
-# attributes that are numbers by the beginnings and the ends of their names
-_NUMBERED = ("analysed_", "solver_", "wall_seconds_", "cpu_seconds_", "entry_factor_")
-_ERRORS = ("_l2", "_peak")
-# attributes that hold JSON, where they are there: lists of texts, and objects
-_LISTS = ("run_warnings", "configuration_doubts", "record_warnings", "rock_blocks")
-_OBJECTS = ("record_provenance", "discretisation", "verification", "certificate")
+# attributes that are numbers, by their beginnings and their ends
+_NUMBERED = (
+    "analysed_", "solver_", "wall_seconds_", "cpu_seconds_", "entry_factor_", "unknowns", "record_matched"
+)  # fmt: skip
+_MEASURED = ("_l2", "_peak", "_cpu_seconds")
+# attributes that hold JSON, where they are there: what they must be, and what that is of
+_TEXT_LIST: tuple[type, type] = (list, str)
+_MEMBERS: dict[type, str] = {str: " of texts", dict: " of objects", list: " of lists"}
+_JSON: dict[str, tuple[type, type]] = {
+    "run_warnings": _TEXT_LIST, "configuration_doubts": _TEXT_LIST, "record_warnings": _TEXT_LIST,
+    "rock_blocks": _TEXT_LIST, "versions": (dict, str), "record_provenance": (dict, object),
+    "discretisation": (dict, object), "verification": (dict, object), "certificate": (dict, object),
+    "configuration": (dict, object),
+}  # fmt: skip
 _MESH = ("mesh", "opening_error", "unknowns", "gaps", "cpu_seconds", "chosen")  # of each that was tried
-_WHOLE = ("gap", "joint_state", "stress_node_number", "stress_ring", "acceptance", "status", "sample")
+_WHOLE = (
+    "gap",
+    "joint_state",
+    "stress_node_number",
+    "stress_ring",
+    "acceptance",
+    "status",
+    "sample",
+    "matched",
+)
+# variables that have no number somewhere: a face without nodes, a joint without uplift, a block not poured
+_MAY_LACK = {
+    *STRESS_VARIABLES, *UNDEFINED, "stress_arch", "crack_at_rest", "construction_opening",
+    "station_coordinate", "support_delay",
+}  # fmt: skip
+_POSITIVE = (
+    "gap_area", "section_area", "stress_face_area", "tensile_strength", "floor_frequency", "record_dt",
+    "solver_finest_step", "solver_base_step",
+)  # fmt: skip
+_BESIDE = {"floor_spectrum": "floor_spectrum_statement"}  # variables, and what states how good they are
+_COMPONENTS = ("x", "y", "z")
+_WORDS: dict[str, tuple[str, ...]] = {  # all names along a dimension
+    "component": _COMPONENTS,
+    "tangent": ("j", "k"),
+    "stress_component": (*COMPONENTS,),
+    "section_axis": (*AXES,),
+    "section_side": (*SIDES,),
+    "stress_basis": (*BASES,),
+    "dam_kind": (*LIMITS,),
+    "criterion": (*CRITERIA,),
+    "stress_measure": (*STRESS_MEASURES,),
+}
+_OF_A_JOINT = ("estimated_error_l2", "estimated_error_peak")  # beside _KNOWN, of files whose error is stated
 # what files of before lack: forces, which a certificate needs, and says so, and a mean that only tables tell
 _LATER = ("normal_force", "shear_force", "mean_", "peak_mean_")
 _PACKING = ("scale_factor", "add_offset", "missing_value")
@@ -49,8 +96,28 @@ _INDEX: dict[str, tuple[tuple[str, ...], str | None]] = {
     "status": (_RUN, None),
     "message": (_RUN, ""),
 }
-_SUMMARY = _INDEX | {name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)}
+_MEASURED_RECORDS = {
+    f"{span}_{name}": (("record", "scale"), units)
+    for span in ("record", "recorded")
+    for name, units in {"sa": "m s-2", **{name: units for name, (units, _) in MEASURES.items()}}.items()
+}
+_SUMMARY: dict[str, tuple[tuple[str, ...], str | None]] = {
+    **_INDEX,
+    **_MEASURED_RECORDS,
+    **{name: (_RUN + dims_of(name), attributes_of(name)["units"]) for name in (*ROWS, *STATED)},
+    WITHIN: (("record",), ""),
+    "file": (_RUN, ""),
+    "entry_factor": (("record", "component"), "1"),
+    "matched": (("record",), None),
+    "stress_measure": (("stress_measure",), ""),
+}
 
+_SUMMARY_TEXTS = ("source", "title", "configuration", "configuration_sha256", "design", "date_created")
+# attributes of a summary with JSON: what they must be, and what that is of
+_SUMMARY_JSON: dict[str, tuple[type, type]] = {
+    "run_warnings": (list, dict), "record_warnings": (dict, list), "versions": (dict, str),
+    "configuration": (dict, object),
+}  # fmt: skip
 _SPECTRUM_TEXTS = (
     "title", "record", "configuration_file", "configuration_sha256", "combination", "directions", "spectrum",
     "source",
@@ -122,14 +189,12 @@ def check_spectrum(dataset: xr.Dataset, known: Opened, path: Path) -> None:
 
 def _spectrum_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
     """Say what is wrong with a response-spectrum analysis, of what is told of it."""
-    for name in _SPECTRUM_TEXTS:
-        if not isinstance(dataset.attrs.get(name), str):
-            yield f"its attribute {name} must be a text, got {_got(dataset.attrs, name)}"
+    yield from _text_flaws(dataset.attrs, _SPECTRUM_TEXTS)
     if not dataset.attrs["source"].startswith("romdam"):
         yield "it has no attribute source that says so"
-    value = dataset.attrs.get("cutoff_hz")
-    if not isinstance(value, int | float | np.number):
+    if not _is_number(dataset.attrs.get("cutoff_hz")):
         yield f"its attribute cutoff_hz must be a number, got {_got(dataset.attrs, 'cutoff_hz')}"
+    yield from _json_flaws(dataset.attrs)
     for name, (dims, units, companion) in _SPECTRUM.items():
         if name in dataset.variables:
             yield from _variable_flaws(name, dims, units, dataset.variables[name])
@@ -137,6 +202,7 @@ def _spectrum_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
             yield f"the variable {name} is missing"
     for name in sorted((known.infinite | known.undefined) & {*_SPECTRUM}):
         yield f"{name} has values that are no numbers"
+    yield from _value_flaws(dataset, [name for name in _SPECTRUM if name in dataset.variables])
 
 
 def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:
@@ -156,9 +222,8 @@ def check_summary(dataset: xr.Dataset, known: Opened, path: Path) -> None:
 
 def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
     """Say what is wrong with a summary, in an order in which the first flaw explains those after it."""
-    for name in ("source", "configuration", "configuration_sha256"):
-        if not isinstance(dataset.attrs.get(name), str):
-            yield f"its attribute {name} must be a text, got {_got(dataset.attrs, name)}"
+    yield from _text_flaws(dataset.attrs, _SUMMARY_TEXTS)
+    yield from _number_flaws(dataset.attrs)
     if not dataset.attrs["source"].startswith("romdam"):
         yield "it has no attribute source that says so"
     for name, about in _SUMMARY.items():
@@ -166,8 +231,22 @@ def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
             yield from _variable_flaws(name, *about, dataset.variables[name])
         elif name in _INDEX:
             yield f"the variable {name} is missing"
+    for name, variable in COORDINATES.items():
+        if name in dataset.variables:
+            yield from _variable_flaws(name, variable.dims, variable.units, dataset.variables[name])
+    for name in (str(dim) for dim in dataset.dims):
+        if name in COORDINATES and name != "gap" and name not in dataset.variables:
+            yield f"the variable {name} is missing, which names what stands along a dimension"
+    for name, read in dataset.variables.items():
+        if str(name).startswith(PARAMETER):
+            yield from _variable_flaws(str(name), ("sample",), None, read)
     for name in sorted(known.infinite):
-        yield f"{name} has infinite values"
+        if not name.startswith(PARAMETER):  # a rigid stiffness
+            yield f"{name} has infinite values"
+    yield from _json_flaws(dataset.attrs, _SUMMARY_JSON)
+    yield from _value_flaws(dataset, [*_SUMMARY, *COORDINATES])
+    if not np.isin(dataset.status.values, (DONE, FAILED)).all():
+        yield f"status must have the values {DONE} and {FAILED} alone"
 
 
 def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
@@ -175,20 +254,8 @@ def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
     attrs = dataset.attrs
     if not str(attrs.get("source", "")).startswith("romdam"):
         yield "it was not written by romdam, it has no attribute `source` that says so"
-    for name in (*_TEXTS, *(n for n in _OPTIONAL_TEXTS if n in attrs)):
-        if not isinstance(attrs.get(name), str):
-            yield f"its attribute {name} must be a text, got {_got(attrs, name)}"
-    for name in _NUMBERS:
-        value = attrs.get(name)
-        if not (isinstance(value, int | float | np.number) and math.isfinite(float(value))):
-            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
-    for name, value in attrs.items():
-        numbered = str(name).startswith(_NUMBERED) or str(name).endswith(_ERRORS)
-        if numbered and not isinstance(value, int | float | np.number):
-            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+    yield from _attribute_flaws(attrs)
     yield from _json_flaws(attrs)
-    if attrs["model_order"] not in ("reduced", "full"):
-        yield f"its attribute model_order must be reduced or full, got {_got(attrs, 'model_order')}"
 
     for name, variable in _KNOWN.items():
         if name in dataset.variables:
@@ -201,37 +268,98 @@ def _flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
         if companion and name not in dataset.variables and not name.startswith(_LATER):
             yield f"the variable {name} is missing, which stands beside {companion}"
 
-    for name in sorted(known.infinite | (known.undefined - {*STRESS_VARIABLES, *UNDEFINED})):
-        if name in _KNOWN:
+    for name in _OF_A_JOINT:
+        if name in dataset.variables:
+            yield from _variable_flaws(name, ("joint",), "1", dataset.variables[name])
+    for name in sorted(known.infinite | (known.undefined - _MAY_LACK)):
+        if name in _KNOWN or name in _OF_A_JOINT:
             yield f"{name} has values that are no numbers"
+    yield from _value_flaws(dataset, _KNOWN)
     time = dataset.time.values
     if not (len(time) and (np.diff(time) > 0.0).all()):
-        yield "its times do not increase"
-    if "joint" in dataset and not {*dataset.gap_joint.values.tolist()} <= {*dataset.joint.values.tolist()}:
-        yield "gap_joint names a joint that is not there"
-    if "gap_area" in dataset and not (dataset.gap_area.values > 0.0).all():
-        yield f"gap_area must be above 0 m2, got {float(dataset.gap_area.min()):g}"
-    if dataset.component.values.tolist() != ["x", "y", "z"]:
-        yield "its components are not x, y, z"
+        yield "its time does not increase"
+    if "gap" in dataset.variables and dataset.gap.values.tolist() != [*range(dataset.sizes["gap"])]:
+        yield "gap must count the gaps from 0"
+    for name, attribute in _BESIDE.items():
+        if name in dataset.variables and attribute not in attrs:
+            yield f"its attribute {attribute} is missing, which stands beside {name}"
 
 
-def _json_flaws(attrs: Mapping[Any, object]) -> Iterator[str]:
+def _value_flaws(dataset: xr.Dataset, names: Iterable[str]) -> Iterator[str]:
+    """Say which variables have the right form, and values that cannot be."""
+    for name in names:
+        if name not in dataset.variables:
+            continue
+        read = dataset.variables[name]
+        values = read.values
+        if read.dims == (name,) and len({*values.tolist()}) < len(values):
+            yield f"{name} has a value twice"
+        if read.dims == (name,) and values.dtype.kind in "OUST" and "" in values.tolist():
+            yield f"{name} has a name without letters"
+        if name in _WORDS and sorted(values.tolist()) != sorted(_WORDS[name]):
+            yield f"{name} must have the values {', '.join(_WORDS[name])}, got {quote(values.tolist())}"
+        flags = _KNOWN[name].attributes.get("flag_values") if name in _KNOWN else None
+        if flags is not None and not np.isin(values, flags).all():
+            yield f"{name} must have the values {', '.join(map(str, np.asarray(flags).tolist()))} alone"
+        if name in _POSITIVE and not (values > 0.0).all():
+            yield f"{name} must be above 0 {read.attrs.get('units', '')}, got {float(values.min()):g}"
+    if "component" in dataset.variables and dataset.component.values.tolist() != [*_COMPONENTS]:
+        yield "its component must be x, y and z"
+    if "gap_joint" in dataset.variables:
+        joints = dataset.joint.values.tolist() if "joint" in dataset.variables else []
+        if not {*dataset.gap_joint.values.tolist()} <= {*joints}:
+            yield "gap_joint names a joint that is not there"
+
+
+def _attribute_flaws(attrs: Mapping[Any, object]) -> Iterator[str]:
+    """Say which attributes are no texts or numbers, as they must be."""
+    yield from _text_flaws(attrs, (*_TEXTS, *(name for name in _OPTIONAL_TEXTS if name in attrs)))
+    for name in _NUMBERS:
+        if not _is_number(attrs.get(name)):
+            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+    yield from _number_flaws(attrs)
+    if attrs["model_order"] not in ("reduced", "full"):
+        yield f"its attribute model_order must be reduced or full, got {_got(attrs, 'model_order')}"
+
+
+def _number_flaws(attrs: Mapping[Any, object]) -> Iterator[str]:
+    """Say which attributes are no numbers, of those that are numbers where they are there."""
+    for name, value in attrs.items():
+        is_number = isinstance(value, int | float | np.number)
+        if (str(name).startswith(_NUMBERED) or str(name).endswith(_MEASURED)) and not is_number:
+            yield f"its attribute {name} must be a number, got {_got(attrs, name)}"
+        if name in _POSITIVE and not (is_number and float(str(value)) > 0.0):
+            yield f"its attribute {name} must be above 0, got {_got(attrs, name)}"
+
+
+def _text_flaws(attrs: Mapping[Any, object], names: Sequence[str]) -> Iterator[str]:
+    for name in names:
+        if not isinstance(attrs.get(name), str):
+            yield f"its attribute {name} must be a text, got {_got(attrs, name)}"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float | np.number) and math.isfinite(float(value))
+
+
+def _json_flaws(attrs: Mapping[Any, object], kinds: Mapping[str, tuple[type, type]] = _JSON) -> Iterator[str]:
     """Say which attributes hold no JSON of the kind that they must."""
-    for name in (*_LISTS, *_OBJECTS, "configuration"):
+    for name, (kind, member) in kinds.items():
         if name not in attrs:
             continue
         try:
-            value = json.loads(str(attrs[name]))
+            value: Any = json.loads(str(attrs[name]))
         except (ValueError, RecursionError):
             value = None
-        if name not in _LISTS and not isinstance(value, dict):
-            yield f"its attribute {name} must be a JSON object, got {_got(attrs, name)}"
-        if name in _LISTS and not (isinstance(value, list) and all(isinstance(text, str) for text in value)):
-            yield f"its attribute {name} must be a JSON list of texts, got {_got(attrs, name)}"
-        meshes = value.get("meshes", []) if isinstance(value, dict) and name == "discretisation" else []
-        tried = meshes if isinstance(meshes, list) else [meshes]
-        if not all(isinstance(mesh, dict) and {*_MESH} <= {*mesh} for mesh in tried):
-            yield f"its attribute {name} must state {', '.join(_MESH)} of each of its `meshes`"
+        members = list(value.values()) if isinstance(value, dict) else value
+        if not (isinstance(value, kind) and all(isinstance(each, member) for each in members)):
+            what = f"{'list' if kind is list else 'object'}{_MEMBERS.get(member, '')}"
+            yield f"its attribute {name} must be a JSON {what}, got {_got(attrs, name)}"
+        elif name == "discretisation":
+            meshes = value.get("meshes", [])
+            tried = meshes if isinstance(meshes, list) else [meshes]
+            if not all(isinstance(mesh, dict) and {*_MESH} <= {*mesh} for mesh in tried):
+                yield f"its attribute {name} must state {', '.join(_MESH)} of each of its `meshes`"
 
 
 def _got(attrs: Mapping[Any, object], name: str) -> str:

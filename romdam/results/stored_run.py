@@ -110,11 +110,15 @@ def read_run(path: Path) -> StoredRun:
             raise ResultError(
                 f"{path}: has no joints; what a linear model leaves out is told by its frequencies"
             )
-        missing = [name for name in ("mean_normal_force", "normal_force") if name not in dataset]
+        kinds = ("normal", "shear") if "slip" in dataset else ("normal",)
+        forces = [f"{prefix}{kind}_force" for kind in kinds for prefix in ("mean_", "")]
+        missing = [name for name in forces if name not in dataset]
         if missing:
             raise ResultError(
                 f"{path}: holds no joint forces ({', '.join(missing)}); run the configuration again"
             )
+        if "reduced_coordinates" not in dataset:
+            raise ResultError(f"{path}: holds no reduced_coordinates; run the configuration again")
         if dataset.time.size < 2:
             raise ResultError(f"{path}: has {dataset.time.size} written times, a replay needs two or more")
         traction = _gap_vector(dataset, "normal_force", "shear_force", -1.0)

@@ -3,10 +3,12 @@
 import shutil
 
 import h5py
+import numpy as np
 import pytest
 
 from romdam.core.errors import ResultError
 from romdam.results.dataset import Timing, build_dataset, open_run
+from romdam.results.stored_run import read_run
 
 from .conftest import make_case
 
@@ -19,6 +21,11 @@ def written(job, tmp_path_factory):
     dataset.to_netcdf(path, engine="h5netcdf")
     open_run(path).close()
     return path
+
+
+@pytest.fixture
+def dataset(case, job, timing):
+    return build_dataset(case, job, timing, None)
 
 
 @pytest.fixture
@@ -42,3 +49,35 @@ def test_areas_of_gaps_are_above_zero(area, path):
         file["gap_area"][...] = area
     with pytest.raises(ResultError, match=f"gap_area must be above 0 m2, got {area:g}"):
         open_run(path)
+
+
+@pytest.mark.parametrize("name", ["normal_force", "shear_force", "mean_normal_force", "mean_shear_force"])
+def test_a_certificate_needs_the_forces_of_the_joints(name, dataset, tmp_path):
+    dataset.drop_vars(name).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(ResultError, match=rf"a.nc: holds no joint forces \({name}\)"):
+        read_run(tmp_path / "a.nc")
+
+
+def test_a_certificate_needs_the_coordinates_of_the_model(dataset, tmp_path):
+    dataset.drop_vars("reduced_coordinates").to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(ResultError, match=r"a\.nc: holds no reduced_coordinates"):
+        read_run(tmp_path / "a.nc")
+
+
+@pytest.mark.parametrize("name", ["stress_arch", "crack_at_rest", "max_arch_stress"])
+def test_a_variable_without_a_number_somewhere_is_read(name, dataset, tmp_path):
+    """As romdam writes it of a horizontal face, or of a joint whose uplift is not redrawn."""
+    values = np.array(dataset[name].values, dtype=float)
+    values.flat[0] = np.nan
+    changed = dataset[name].copy(data=values)
+    edited = dataset.assign_coords if name in dataset.coords else dataset.assign
+    edited({name: changed}).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with open_run(tmp_path / "a.nc") as read:
+        assert np.isnan(read[name].values.flat[0])
+
+
+def test_what_states_floor_spectra_stands_beside_them(dataset, tmp_path):
+    del dataset.attrs["floor_spectrum_statement"]
+    dataset.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    with pytest.raises(ResultError, match="floor_spectrum_statement is missing, which stands beside floor"):
+        open_run(tmp_path / "a.nc")
