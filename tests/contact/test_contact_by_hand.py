@@ -137,6 +137,30 @@ def test_strength_of_a_bond_is_cohesion_and_friction(monkeypatch):
     assert bonded.all()
 
 
+@pytest.mark.parametrize(
+    ("tension", "along", "has_bond"),
+    [(0.0, (0.0, 5.0), True), (0.0, (5.0, 0.0), True), (2.0, (0.0, 0.0), True), (0.0, (0.0, 0.0), False)],
+)
+def test_cohesion_or_tension_alone_is_a_bond(tension, along, has_bond, monkeypatch):
+    """c + 0.5 p and c + 0.25 p at p = 4."""
+
+    def put_limit(laws, memory, i, of_step, limit):
+        limit[TENSION], limit[COHESION_J], limit[COHESION_K], limit[MU_J], limit[MU_K] = (
+            tension, *along, 0.5, 0.25,
+        )  # fmt: skip
+        return 0
+
+    monkeypatch.setattr(strength, "put_limit", put_limit)
+    found, bonded = np.zeros((1, 1, 2)), np.zeros((1, 1), dtype=bool)
+    assert strength._fill.py_func(None, np.zeros((1, 1, 1, 1)), np.zeros((1, 1)), np.array([[4.0]]), found,
+                                  bonded) == 0  # fmt: skip
+    assert bonded.item() == has_bond
+    # of a tension without cohesion the friction begins at the tension
+    np.testing.assert_allclose(
+        found[0, 0], [max(along[0], 0.5 * tension) + 2.0, max(along[1], 0.25 * tension) + 1.0]
+    )
+
+
 def limit_of(law, parameters, memory, **of_step):
     """Entries of a law's `limit` in a step."""
     names = {"opening": OPENING, "p": NORMAL_FORCE, "j": SLIP_J, "k": SLIP_K, "rate": RATE, "dt": DT}

@@ -88,6 +88,9 @@ def test_partners_are_the_nearest_each_once():
     assert match_modes([measured(2.1), measured(2.2)], freq, motion).tolist() == [2, 3]
     assert match_modes([measured(2.1, direction=0), measured(2.0)], freq, motion).tolist() == [2, 3]
     assert match_modes([measured(9.0, mode=2), measured(2.0)], freq, motion).tolist() == [2, 3]
+    # by ratios: 15 is 1.5 of 10, and 10 is 1.67 of 6, which is nearer in Hz
+    apart = np.array([6.0, 15.0])
+    assert match_modes([measured(10.0)], apart, np.eye(3)[:2]).tolist() == [2]
     with pytest.raises(ResultError, match="0 move most along z and 1 are rigid"):
         match_modes([measured(2.0, direction=2)], freq, motion)
 
