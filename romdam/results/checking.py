@@ -237,9 +237,9 @@ def _summary_flaws(dataset: xr.Dataset, known: Opened) -> Iterator[str]:
     for name in (str(dim) for dim in dataset.dims):
         if name in COORDINATES and name != "gap" and name not in dataset.variables:
             yield f"the variable {name} is missing, which names what stands along a dimension"
-    for name, read in dataset.variables.items():
-        if str(name).startswith(PARAMETER):
-            yield from _variable_flaws(str(name), ("sample",), None, read)
+    for name in (str(each) for each in dataset.variables):
+        if name.startswith(PARAMETER):
+            yield from _variable_flaws(name, ("sample",), None, dataset.variables[name])
     for name in sorted(known.infinite):
         if not name.startswith(PARAMETER):  # a rigid stiffness
             yield f"{name} has infinite values"
@@ -298,9 +298,10 @@ def _value_flaws(dataset: xr.Dataset, names: Iterable[str]) -> Iterator[str]:
             yield f"{name} has a name without letters"
         if name in _WORDS and sorted(values.tolist()) != sorted(_WORDS[name]):
             yield f"{name} must have the values {', '.join(_WORDS[name])}, got {quote(values.tolist())}"
-        flags = _KNOWN[name].attributes.get("flag_values") if name in _KNOWN else None
-        if flags is not None and not np.isin(values, flags).all():
-            yield f"{name} must have the values {', '.join(map(str, np.asarray(flags).tolist()))} alone"
+        about = _KNOWN[name].attributes if name in _KNOWN else {}
+        flags: list[int] = np.ravel(np.asarray(about.get("flag_values", ()))).tolist()
+        if flags and not np.isin(values, flags).all():
+            yield f"{name} must have the values {', '.join(map(str, flags))} alone"
         if name in _POSITIVE and not (values > 0.0).all():
             yield f"{name} must be above 0 {read.attrs.get('units', '')}, got {float(values.min()):g}"
     if "component" in dataset.variables and dataset.component.values.tolist() != [*_COMPONENTS]:
@@ -355,7 +356,7 @@ def _json_flaws(attrs: Mapping[Any, object], kinds: Mapping[str, tuple[type, typ
         if not (isinstance(value, kind) and all(isinstance(each, member) for each in members)):
             what = f"{'list' if kind is list else 'object'}{_MEMBERS.get(member, '')}"
             yield f"its attribute {name} must be a JSON {what}, got {_got(attrs, name)}"
-        elif name == "discretisation":
+        elif name == "discretisation" and isinstance(value, dict):
             meshes = value.get("meshes", [])
             tried = meshes if isinstance(meshes, list) else [meshes]
             if not all(isinstance(mesh, dict) and {*_MESH} <= {*mesh} for mesh in tried):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from romdam.records.components import measures, peak, spectrum
 from romdam.records.measures import content_frequency, fourier_amplitude, measure, significant_duration
@@ -212,3 +213,16 @@ def test_spectra_of_components_turned():
     np.testing.assert_allclose(half, single * 0.5**0.5, rtol=0.01)
     mean = spectrum(acc, 0.01, periods, 0.05, "geometric_mean")
     np.testing.assert_allclose(mean, single * (0.75**0.5 * 0.5) ** 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.4])
+def test_absolute_acceleration_has_the_force_of_the_damper_too(damping):
+    """Largest |2 xi w v + w^2 u| of u'' + 2 xi w u' + w^2 u = -a, by scipy in 100 steps an interval."""
+    dt, omega = 0.02, 2.0 * np.pi / 0.5
+    acc = np.concatenate([np.sin(np.pi * np.arange(14) / 13), np.zeros(60)])
+    fine = np.linspace(0.0, dt * (len(acc) - 1), 100 * (len(acc) - 1) + 1)
+    ground = np.interp(fine, dt * np.arange(len(acc)), acc)
+    force = [2.0 * damping * omega, omega**2]
+    absolute = lsim(([-x for x in force], [1.0, *force]), ground, fine)[1]
+    found = response_spectra(acc, dt, np.array([0.5]), (damping,)).sa
+    assert found[0, 0, 0] == pytest.approx(np.abs(absolute).max(), rel=1e-3)
