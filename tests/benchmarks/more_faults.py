@@ -91,4 +91,45 @@ MORE_FAULTS: list[Fault] = [
             "            if True:\n                loads[0]",
         ),
     ),
+    *faults_in(
+        "contact/strength.py",
+        ("tests/contact/test_contact_by_hand.py", "-k", "bond"),
+        (
+            "bonded[row, i] or limit[TENSION] > 0.0 or limit[COHESION_J + a] > 0.0",
+            "bonded[row, i] or limit[TENSION] > 0.0",
+        ),
+        (
+            "pressed = max(compression[row, i] + limit[TENSION], 0.0)",
+            "pressed = max(compression[row, i], 0.0)",
+        ),
+    ),
+    *faults_in(
+        "contact/laws/barton_bandis.py",
+        ("tests/contact/test_steps_by_hand.py",),
+        ("max(math.log10(parameters[STRENGTH] / p), 0.0)", "math.log10(parameters[STRENGTH] / p)"),
+    ),
+    *faults_in(
+        "postprocess/measured_modes.py",
+        ("tests/results/test_modes.py", "-k", "nearest"),
+        (
+            "cost[row, fits] = np.log(freq[fits] / mode.frequency) ** 2",
+            "cost[row, fits] = (freq[fits] - mode.frequency) ** 2",
+        ),
+    ),
+    *faults_in(
+        "records/spectra.py",
+        ("tests/records/test_values_by_hand.py", "-k", "damper"),
+        (
+            "peak_a[j] = max(peak_a[j], abs(damping[j] * vj + omega2[j] * uj))",
+            "peak_a[j] = max(peak_a[j], abs(omega2[j] * uj))",
+        ),
+    ),
+    *faults_in(
+        "timestepping/modal/loop.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py",),
+        (
+            "state.slip_rate[i, a] = work.y[run, 3 * i + SHEAR_J + a] / dt",
+            "state.slip_rate[i, a] = work.y[run, 3 * i + SHEAR_J] / dt",
+        ),
+    ),
 ]
