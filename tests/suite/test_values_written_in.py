@@ -260,6 +260,7 @@ def test_a_suite_has_the_numbers_of_the_job_with_the_value(tmp_path, path):
         "loads": JOBS["loads"]["loads"] | {"gravity": [0, 0, -9.7]},
         "materials": {"concrete": CONCRETE},
         "model": {"order": "reduced", "modes": "all"},
+        "outputs": BASE["outputs"] | {"mesh_error": False},
     } | sections  # fmt: skip
     varied = {"parameters": {"x": {"path": path, "values": [value]}}}
     suite = write_job(tmp_path, records=1, suite=varied, **job)
