@@ -226,3 +226,18 @@ def test_absolute_acceleration_has_the_force_of_the_damper_too(damping):
     absolute = lsim(([-x for x in force], [1.0, *force]), ground, fine)[1]
     found = response_spectra(acc, dt, np.array([0.5]), (damping,)).sa
     assert found[0, 0, 0] == pytest.approx(np.abs(absolute).max(), rel=1e-3)
+
+
+@pytest.mark.parametrize("damping", [0.02, 0.4])
+def test_a_long_period_peaks_after_the_record(damping):
+    """Largest |u|, |v| and |2 xi w v + w^2 u| after a pulse of 0.26 s, at 4 s; by scipy over 8 s."""
+    dt, omega = 0.02, 2.0 * np.pi / 4.0
+    acc = np.sin(np.pi * np.arange(14) / 13)
+    fine = np.linspace(0.0, 8.0, 40001)
+    ground = np.interp(fine, dt * np.arange(len(acc)), acc, right=0.0)
+    poles = [1.0, 2.0 * damping * omega, omega**2]
+    u, v = (lsim((over, poles), ground, fine)[1] for over in ([-1.0], [-1.0, 0.0]))
+    found = response_spectra(acc, dt, np.array([4.0]), (damping,))
+    assert np.abs(u).argmax() * 8.0 / 40000 > 0.3  # s, after the pulse
+    sizes = [np.abs(x).max() for x in (u, v, poles[1] * v + poles[2] * u)]
+    assert [x.item() for x in (found.sd, found.sv, found.sa)] == pytest.approx(sizes, rel=1e-4)
