@@ -17,7 +17,7 @@ from romdam.postprocess.responses import Curve
 from romdam.postprocess.sliding import row_seconds, sliding
 from romdam.postprocess.stability import joint_stability
 from romdam.postprocess.stress.sections import gap_section_forces, linearised_stress
-from romdam.postprocess.stress.summary import stress_along
+from romdam.postprocess.stress.summary import principal_stresses, stress_along
 
 
 def joint_of_three():
@@ -260,3 +260,12 @@ def test_normals_count_by_their_areas():
     dataset = dataset.assign_coords(gap_normal=(("gap", "component"), normal))
     foot = joint_stability(dataset, "r", 1.0, ["foot"])[0]
     assert foot.resultant == pytest.approx(1.0 - (6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
+
+
+def test_principal_stresses_are_the_eigenvalues_of_the_tensor():
+    """Of tensors without a zero component: LAPACK's."""
+    tensors = np.random.default_rng(4).normal(size=(20, 3, 3))
+    tensors += tensors.transpose(0, 2, 1)
+    components = tensors[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+    expected = np.linalg.eigvalsh(tensors)[:, ::-1]
+    np.testing.assert_allclose(principal_stresses(components), expected, rtol=1e-7, atol=1e-7)
