@@ -186,7 +186,8 @@ def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
         if model.modes == "all" and _unknowns(scene) > _DENSE:
             model = with_vectors(with_modes(job, _MANY_MODES)).config.model
         reduced = reduce_scene(scene, mode_choice(model), job.config.damping, store)
-        return OtherModel(job, with_stress(Model(scene, prepare(job, reduced.system), reduced)))
+        with_basis = with_stress(Model(scene, prepare(job, reduced.system), reduced))
+        return OtherModel(job, replace(with_basis, reduced=None))  # several are held beside each other
 
 
 def _unknowns(scene: Scene) -> int:
