@@ -15,6 +15,7 @@ from romdam.core.scene import Material
 from romdam.geometry.boxes import box_block
 from romdam.geometry.cutting.pieces import cut_block
 from romdam.geometry.cutting.shapes import SLIVER, quality
+from romdam.geometry.cutting.triangulated import Triangulated
 from romdam.geometry.elements import ELEMENTS, jacobians
 from romdam.geometry.facets import boundary_facets, facet_areas
 from romdam.scene.pairing import coincident_facets
@@ -356,3 +357,14 @@ def test_groups_of_one_file_are_surfaces_of_their_own(tmp_path):
     surfaces = [{"surface": {"file": "s.vtu", "group": group}} for group in (7, 8)]
     pieces = cut(a_box("hex8"), *surfaces, folder=tmp_path)
     assert [p.points[:, 1].max() for p in pieces.values()] == [2.0, 4.0, 6.0]
+
+
+def test_the_normal_at_a_corner_does_not_depend_on_the_triangles():
+    """Of three sides of a cube one is cut through the corner: (1, 1, 1) / sqrt(3) all the same."""
+    points = np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]], dtype=float
+    )
+    triangles = np.array([[0, 1, 4], [0, 4, 2], [0, 2, 3], [2, 6, 3], [0, 3, 1], [3, 5, 1]])
+    surface = Triangulated.of(points, triangles, "s.yaml")
+    at_corner = surface.normals[0, 0]
+    assert at_corner == pytest.approx(np.ones(3) / np.sqrt(3.0), abs=1e-12)
