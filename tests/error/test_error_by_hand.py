@@ -69,7 +69,14 @@ def test_slip_that_is_left_is_a_mean_over_the_area():
         jump = np.zeros((31, 2, 3))
         jump[:, :, 0], jump[time >= 1.5, :, 1] = 1.0, slips
         state = np.zeros((31, 2), dtype=int)
-        history = SimpleNamespace(time=time, jump=jump, mean_traction=np.ones((31, 2, 3)), state=state)
+        history = SimpleNamespace(
+            time=time,
+            jump=jump,
+            mean_traction=np.ones((31, 2, 3)),
+            traction=np.ones((31, 2, 3)),
+            water=np.zeros((0, 0)),
+            state=state,
+        )
         at = np.array([[0.0, 0, 0], [0, 0, 1]])
         return MeshRun(history, at, np.array([1.0, 3.0]), {"j": slice(0, 2)}, (), np.zeros((0, 4)), 9)
 

@@ -40,7 +40,13 @@ def run_with(faces, sections=None, ring=10.0, unknowns=30):
     """A run with one gap; singular is the edge at z = 0, along x."""
     ends, shape = np.array([[[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]]), np.sin(3.0 * TIME)[:, None]
     history = SimpleNamespace(
-        time=TIME, jump=shape[:, :, None], mean_traction=shape[:, :, None], disp=0.0 * shape, acc=0.0 * shape
+        time=TIME,
+        jump=shape[:, :, None],
+        mean_traction=shape[:, :, None],
+        traction=shape[:, :, None],
+        water=np.zeros((0, 0)),
+        disp=0.0 * shape,
+        acc=0.0 * shape,
     )
     forces = {name: shape * np.array(values) for name, values in (sections or {}).items()}
     stress = MeshStress(faces, ends, np.array([ring]), forces)

@@ -60,7 +60,13 @@ class Errors:
         error, unknowns = self.of(job)
         jump = (1.0 + error) * np.sin(3.0 * TIME)[:, None, None] * np.ones((1, 1, 1))
         history = SimpleNamespace(
-            time=TIME, jump=jump, mean_traction=jump, disp=np.zeros((401, 0)), acc=np.zeros((401, 0))
+            time=TIME,
+            jump=jump,
+            mean_traction=jump,
+            traction=jump,
+            water=np.zeros((0, 0)),
+            disp=np.zeros((401, 0)),
+            acc=np.zeros((401, 0)),
         )
         run = MeshRun(
             history, np.zeros((1, 3)), np.ones(1), {"c": slice(0, 1)}, (), np.zeros((0, 4)), int(unknowns)
@@ -170,7 +176,13 @@ def test_the_direction_of_a_dam_that_pays_is_refined():
         )
         jump = jump[:, None, None] * np.ones((1, len(gaps), 1))
         history = SimpleNamespace(
-            time=TIME, jump=jump, mean_traction=jump, disp=np.zeros((401, 0)), acc=np.zeros((401, 0))
+            time=TIME,
+            jump=jump,
+            mean_traction=jump,
+            traction=jump,
+            water=np.zeros((0, 0)),
+            disp=np.zeros((401, 0)),
+            acc=np.zeros((401, 0)),
         )
         joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up
         run = MeshRun(history, gaps, np.ones(len(gaps)), joints, (), np.zeros((0, 4)), unknowns, None, True)
