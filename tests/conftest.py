@@ -54,7 +54,9 @@ def unrendered(monkeypatch):
     For tests of what is printed beside figures: pixels take more than all the rest of a run and its report.
     """
     from romdam.core.files import replacing
-    from romdam.visual import plots
+
+    # modules that take the function as they are loaded must not take the dot for good
+    from romdam.visual import field_views, mode_views, plots, scene_view
     from romdam.visual.report.parts import Picture
 
     def dot(figure, path):
@@ -62,7 +64,8 @@ def unrendered(monkeypatch):
             Path(unfinished).write_bytes(_DOT)
         return path
 
-    monkeypatch.setattr(plots, "save_figure", dot)
+    for module in (plots, field_views, mode_views, scene_view):
+        monkeypatch.setattr(module, "save_figure", dot)
     monkeypatch.setattr(Picture, "_saved", lambda self, kind, dpi=None: b"<svg/>" if kind == "svg" else _DOT)
 
 

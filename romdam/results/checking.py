@@ -112,7 +112,7 @@ _SUMMARY: dict[str, tuple[tuple[str, ...], str | None]] = {
     "stress_measure": (("stress_measure",), ""),
 }
 
-_SUMMARY_TEXTS = ("source", "title", "configuration", "configuration_sha256", "design", "date_created")
+_SUMMARY_TEXTS = ("source", "title", "configuration", "configuration_sha256", "date_created")
 # attributes of a summary with JSON: what they must be, and what that is of
 _SUMMARY_JSON: dict[str, tuple[type, type]] = {
     "run_warnings": (list, dict), "record_warnings": (dict, list), "versions": (dict, str),
@@ -302,8 +302,8 @@ def _value_flaws(dataset: xr.Dataset, names: Iterable[str]) -> Iterator[str]:
         flags: list[int] = np.ravel(np.asarray(about.get("flag_values", ()))).tolist()
         if flags and not np.isin(values, flags).all():
             yield f"{name} must have the values {', '.join(map(str, flags))} alone"
-        if name in _POSITIVE and not (values > 0.0).all():
-            yield f"{name} must be above 0 {read.attrs.get('units', '')}, got {float(values.min()):g}"
+        if name in _POSITIVE and (values <= 0.0).any():  # records that could not be read have none
+            yield f"{name} must be above 0 {read.attrs.get('units', '')}, got {float(np.nanmin(values)):g}"
     if "component" in dataset.variables and dataset.component.values.tolist() != [*_COMPONENTS]:
         yield "its component must be x, y and z"
     if "gap_joint" in dataset.variables:
@@ -364,7 +364,8 @@ def _json_flaws(attrs: Mapping[Any, object], kinds: Mapping[str, tuple[type, typ
 
 
 def _got(attrs: Mapping[Any, object], name: str) -> str:
-    return quote(attrs[name]) if name in attrs else "none"
+    value = attrs.get(name)
+    return quote(value.item() if isinstance(value, np.generic) else value) if name in attrs else "none"
 
 
 def _variable_flaws(

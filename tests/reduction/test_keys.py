@@ -49,8 +49,8 @@ def substructure(built, part):
 @pytest.mark.parametrize(
     ("residual_vectors", "key"),
     [
-        (0, "fd164fb1ceeeaf1cc626c9e52acd889d2d552afe84eeeed28f8534afe01a9387"),
-        (2, "5dcefad017dd9bda34f2ef30c338ed2f091fa915e1c5f427881e1808725726a3"),
+        (0, "8c70898266c210c6d7b95351598344b800c6ef1a034611422bdb316fa5522e01"),
+        (2, "bd82d571148b3b122f054346a1ddf732241b8c30a59a78ca9df6c6a065277419"),
     ],
 )
 def test_key_of_a_block(residual_vectors, key):
@@ -73,6 +73,6 @@ def test_keys_of_a_part():
     )
     keys = basis_keys(FreeInterface(), substructure(built, "left+right"), ModeChoice(cutoff=9.0))
     assert keys == {
-        "left": "2b18e7aace6f173f1cc7d41615c9c1420202f52c2e0d52932abd83e41813936b",
-        "right": "1172791f8d8c5627eff6f322bb18a77b00865c1b608e52cb87da3dbcf3a48472",
+        "left": "c7c77929c59f50cec435b781a86a36ec80baeb36f0772f130ff7f97ca457b56f",
+        "right": "89b0d8271d1562b45ed994e9fe6a1f49cc166287d2ac6629873156baec545132",
     }

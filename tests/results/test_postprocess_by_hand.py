@@ -209,6 +209,11 @@ def two_joints_on_rock():
         "joint_shear_strength": (("time", "joint", "tangent"), [[[9e6, 12e6], [8e6, 7e6], [1e6, 1e6]]]),
         "bonded_area": (over_joint, [[1.0, 3.0, 0.0]]),
         "joint_water_force": ((*over_joint, "component"), [[[3e5, 0, 1.4e6], [0, 0, 2e6], [0, 0, 0]]]),
+        # contact, shear and water on block J
+        "joint_force": (
+            (*over_joint, "component"),
+            [[[-6e6 + 3e5, 0, 8e6 + 1.4e6], [1e6, 4e6, -5e6 + 2e6], [0, 7e6 + 1e6, 0]]],
+        ),
     }
     coords = {
         "time": [0.0],
@@ -227,39 +232,54 @@ def two_joints_on_rock():
 
 
 def test_stability_of_joints_and_of_what_slides_as_one():
-    """The foot's shear of (-6, 0) MN holds block a back, which would slide along +x: heel at 0, toe at 4 m.
+    """The foot's (-6, 8) MN along x and z, on a plane whose mean normal is along (4.8, 10.4), hold block a.
 
-    Both joints together: on the dam (-6, 0) - (1, 4) = (-7, -4) MN, strengths 9 and 7 MN; means by area.
+    It would slide along +x: heel at 0, toe at 4 m. Both joints together: the foot's shear less (1, 4) MN
+    along x and y, strengths 9 and 7 MN; means by area.
     """
+    lean = np.array([4.8, 0.0, 10.4]) / np.hypot(4.8, 10.4)
+    force = np.array([-6e6, 0.0, 8e6])
+    whole = float(force @ lean)
+    across = force - whole * lean
     judged = {joint.joint: joint for joint in joint_stability(two_joints_on_rock(), "r", 1.6, None)}
     assert [*judged] == ["foot", "side", "between", "foot + side"]
     foot, side, both = judged["foot"], judged["side"], judged["foot + side"]
-    assert (foot.shear, foot.compression) == (6e6, 8e6) and foot.verdict == "not stable"
+    assert foot.shear == pytest.approx(np.linalg.norm(across)) and foot.verdict == "not stable"
+    assert foot.compression == pytest.approx(whole)
     assert foot.resultant == pytest.approx((6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
     assert foot.toe_pressure == pytest.approx(
-        8e6 / 12.0 * (1.0 + 6.0 * (14.0 / 32.0 - 0.5))
+        whole / 12.0 * (1.0 + 6.0 * (14.0 / 32.0 - 0.5))
     )  # N/A (1 + 6 e/L)
     assert foot.open_share == pytest.approx(8.0 / 12.0) and foot.cracked_length == pytest.approx(
-        4.0 * 8.0 / 12.0
+        4.0 * lean[2] * 8.0 / 12.0
     )
     assert foot.water == pytest.approx(1e6 * np.hypot(0.3, 1.4))
     assert foot.slip == pytest.approx((8.0 * 2e-3 + 3.0 * 4e-3) / 12.0) and foot.bonded_share == 1.0 / 12.0
     assert side.slip == 5e-3 and side.bonded_share == 0.75 and side.verdict == "stable"
-    assert both.shear == pytest.approx(1e6 * np.hypot(7.0, 4.0))
-    assert both.factor == pytest.approx(16.0 / np.hypot(7.0, 4.0))
-    assert both.compression == 13e6 and both.water == pytest.approx(foot.water + 2e6)
+    both_across = float(np.linalg.norm(across - np.array([1e6, 4e6, 0.0])))
+    assert both.shear == pytest.approx(both_across)
+    assert both.factor == pytest.approx(16e6 / both_across)
+    assert both.compression == pytest.approx(whole + 5e6) and both.water == pytest.approx(foot.water + 2e6)
     assert both.open_share == pytest.approx(8.0 / 16.0) and both.bonded_share == pytest.approx(4.0 / 16.0)
     assert both.slip == pytest.approx((12.0 * foot.slip + 4.0 * 5e-3) / 16.0)
 
 
 def test_normals_count_by_their_areas():
-    """Of 8 m2 that lean down by 0.8 and 4 m2 that look up: block I stands on block J, and slides along -x."""
+    """Of 8 m2 that lean down by 0.8 and 4 m2 that look up: block I stands on block J, and slides along -x.
+
+    The gaps press by 10, 1 and 1 MN: with the shear (0, -6) MN along x and z on block J.
+    """
     dataset = two_joints_on_rock()
-    normal = dataset.gap_normal.values.copy()
-    normal[0] = 0.6, 0.0, -0.8
+    normal, pressed = dataset.gap_normal.values.copy(), dataset.normal_force.values.copy()
+    normal[0], pressed[0, :3] = (0.6, 0.0, -0.8), (-10e6, -1e6, -1e6)
+    force = dataset.joint_force.values.copy()
+    force[0, 0] = dataset.joint_water_force.values[0, 0] + np.array([0.0, 0.0, -6e6])
     dataset = dataset.assign_coords(gap_normal=(("gap", "component"), normal))
+    dataset = dataset.assign(
+        normal_force=dataset.normal_force.copy(data=pressed), joint_force=dataset.joint_force.copy(data=force)
+    )
     foot = joint_stability(dataset, "r", 1.0, ["foot"])[0]
-    assert foot.resultant == pytest.approx(1.0 - (6.0 * 1.0 + 2.0 * 4.0) / 8.0 / 4.0)
+    assert foot.resultant == pytest.approx(1.0 - (1.0 * 1.0 + 1.0 * 4.0) / 12.0 / 4.0)
 
 
 def test_principal_stresses_are_the_eigenvalues_of_the_tensor():

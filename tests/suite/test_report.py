@@ -54,8 +54,8 @@ def suite_summary(records=12, scales=5, samples=1, failed=2):
     summary = summary_of(opening[..., 0], summary.record_sa.values, parameters, **more)
     summary = summary.assign_coords(
         gap_joint=("gap", ["J1"] * 10),
-        gap_area=("gap", np.full(10, 2.0)),
-        gap_position=(("gap", "component"), np.column_stack([z % 10.0, 0.0 * z, z])),
+        gap_area=("gap", np.full(10, 2.0), {"units": "m2"}),
+        gap_position=(("gap", "component"), np.column_stack([z % 10.0, 0.0 * z, z]), {"units": "m"}),
         component=["x", "y", "z"],
     )
     config = {"model": {"modes": 60}, "transient": {"accuracy": 0.01}}
@@ -64,6 +64,7 @@ def suite_summary(records=12, scales=5, samples=1, failed=2):
         "configuration": json.dumps(config),
         "configuration_sha256": "abc",
         "configuration_file": "dam.yaml",
+        "date_created": "2026-01-01T00:00:00+00:00",
     }
     return summary
 
