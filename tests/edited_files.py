@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 import yaml
-from test_cli import call
 
 import romdam
 from romdam.core.sealed import Opened
 from romdam.pipelines.linear import linear
+from romdam.pipelines.report import report
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
 BOX = {"size": [2, 2, 2], "element_size": 1.0}
@@ -116,7 +116,7 @@ def write_all(folder: Path) -> Written:
     linear(romdam.load_config(spectrum), folder / "linear")
     other = shutil.copytree(run.parent, folder / "other") / run.name
     summary = folder / "suite" / "summary.nc"
-    call("report", summary.parent, "--config", suite, "--quiet")  # leaves its data beside the summary
+    report(summary.parent, job=romdam.load_config(suite))  # leaves its data beside the summary
     return Written(job, run, other, wedges, summary, folder / "linear" / "linear" / "pulse-spectrum.nc")
 
 
@@ -151,7 +151,7 @@ def _of_variable(dataset: xr.Dataset, name: str) -> Iterator[tuple[str, xr.Datas
     old = dataset.variables[name]
     values, rest = np.array(old.values), dataset.drop_vars(name)
 
-    def put(new: np.ndarray, dims: tuple[str, ...] = old.dims, **attrs: str) -> xr.Dataset:
+    def put(new: np.ndarray, dims: tuple[Hashable, ...] = old.dims, **attrs: str) -> xr.Dataset:
         variable = {name: xr.Variable(dims, new, {**old.attrs, **attrs})}
         return rest.assign_coords(variable) if name in dataset.coords else rest.assign(variable)
 

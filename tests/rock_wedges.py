@@ -1,34 +1,44 @@
 """Rock wedges of tests: Hoek and Bray's, random tetrahedra and a slab, with the loads on them."""
 
+from collections.abc import Mapping, Sequence
 from itertools import combinations
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from romdam.config.sections.wedges import WedgesConfig
-from romdam.postprocess.wedge_loads import wedge_loads
-from romdam.postprocess.wedges import upward_normal, wedge_geometry
+from romdam.config.sections.wedges import WedgeConfig, WedgesConfig
+from romdam.core.arrays import Floats
+from romdam.postprocess.wedge_loads import WedgeLoads, wedge_loads
+from romdam.postprocess.wedges import WedgeGeometry, upward_normal, wedge_geometry
 
 NORTH = (0.0, 1.0, 0.0)
 FOOT, POUND = 0.3048, 4.4482216152605  # [m], [N]
 PSF = POUND / FOOT**2
 
 
-def only(raw, **common):
+def only(raw: dict[str, Any], **common: Any) -> tuple[WedgesConfig, WedgeConfig, WedgeGeometry]:
     """The wedge of a file that has one, and its geometry."""
     config = WedgesConfig.model_validate({"wedges": {"w": raw}} | common)
     wedge = config.wedges["w"]
     return config, wedge, wedge_geometry(wedge, config, "w.yaml: wedges.w")
 
 
-def loads_of(config, geometry, time=(0.0,), run=None, levels=None):
+def loads_of(
+    config: WedgesConfig,
+    geometry: WedgeGeometry,
+    time: Sequence[float] = (0.0,),
+    run: xr.Dataset | None = None,
+    levels: Mapping[Any, Any] | None = None,
+) -> WedgeLoads:
     return wedge_loads("w", geometry, config, np.array(time), run=run, levels=levels or {}, source="w.yaml")
 
 
-def active(config, geometry):
-    return loads_of(config, geometry).force.sum(axis=1)[0]
+def active(config: WedgesConfig, geometry: WedgeGeometry) -> Floats:
+    return np.asarray(loads_of(config, geometry).force.sum(axis=1)[0])
 
 
-def hoek_and_bray(pressure=0.0):
+def hoek_and_bray(pressure: float = 0.0) -> dict[str, Any]:
     """The example of Rock Slope Engineering (1981), appendix 2: a slope of 100 ft, a crack 40 ft behind."""
     normal = {
         name: upward_normal(dip, direction, NORTH)
@@ -39,7 +49,7 @@ def hoek_and_bray(pressure=0.0):
     back = np.cross(normal["1"], normal["3"])
     behind = crest + 40.0 * FOOT * back / np.linalg.norm(back) * -np.sign(back @ normal["4"])
 
-    def plane(dip, direction, through, **more):
+    def plane(dip: float, direction: float, through: Any, **more: Any) -> dict[str, Any]:
         return {"dip": dip, "dip_direction": direction, "through": list(map(float, through))} | more
 
     water = {"water": pressure} if pressure else {}
@@ -58,7 +68,7 @@ def hoek_and_bray(pressure=0.0):
     }
 
 
-def random_wedge(rng, planes):
+def random_wedge(rng: np.random.Generator, planes: int) -> tuple[dict[str, Any], Floats]:
     """A tetrahedron with `planes` planes to slide on, its corners anywhere."""
     corners = rng.normal(size=(4, 3)) * 20.0
     middle, names, sides = corners.mean(axis=0), [], {}
@@ -72,7 +82,7 @@ def random_wedge(rng, planes):
             "dip_direction": float(np.degrees(np.arctan2(normal[0], normal[1]))),
             "through": a.tolist(),
         }
-    raw = {"inside": middle.tolist(), "density": 2600.0, "planes": {}, "surfaces": {}}
+    raw: dict[str, Any] = {"inside": middle.tolist(), "density": 2600.0, "planes": {}, "surfaces": {}}
     for k, name in enumerate(names):
         if k < planes:
             raw["planes"][name] = sides[name] | {
