@@ -57,7 +57,8 @@ def wedge_dataset(
     else:
         time = np.unique(np.concatenate([np.zeros(1), *(times for times, _ in levels.values())]))
     computed = {
-        name: _one_wedge(name, wedges, time, run=run, levels=levels, source=source) for name in wedges.wedges
+        name: _wedge_variables(name, wedges, time, run=run, levels=levels, source=source)
+        for name in wedges.wedges
     }
     names = list(computed)
     dims = {
@@ -83,14 +84,14 @@ def wedge_dataset(
     dataset.attrs = {
         "wedges_file": source,
         "north": np.array(wedges.north),
-        "wedge_warnings": json.dumps(_doubts(wedges, run, time)),
+        "wedge_warnings": json.dumps(_assumed(wedges, run, time)),
     }
     if run is not None:
         dataset.attrs |= {key: run.attrs[key] for key in ("title", "record", "configuration_sha256")}
     return dataset
 
 
-def _one_wedge(
+def _wedge_variables(
     name: str, wedges: WedgesConfig, time: Floats, *, run: xr.Dataset | None, levels: Levels, source: str
 ) -> dict[str, Array]:
     """The variables of a wedge, of `_VARIABLES`."""
@@ -187,7 +188,7 @@ def _padded(values: Array, width: int | None) -> Array:
     return joined.astype(str) if values.dtype.kind == "O" else joined
 
 
-def _doubts(wedges: WedgesConfig, run: xr.Dataset | None, time: Floats) -> list[str]:
+def _assumed(wedges: WedgesConfig, run: xr.Dataset | None, time: Floats) -> list[str]:
     """What was taken for granted."""
     said = list[str]()
     for name, wedge in wedges.wedges.items():

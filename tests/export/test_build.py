@@ -1,5 +1,8 @@
 """The neutral description against romdam's own operators, totals and closed forms."""
 
+import csv
+import io
+import math
 import sys
 from dataclasses import replace
 
@@ -9,7 +12,9 @@ from decks import boxes, built
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.export.abaqus import write_abaqus
 from romdam.export.build import build_deck
+from romdam.export.calculix import write_calculix
 from romdam.export.opensees import write_opensees
 from romdam.fem.gaps import gap_operators
 
@@ -181,3 +186,55 @@ def test_an_opensees_deck_says_not_found_where_no_step_converges():
     exec(functions, names)
     with pytest.raises(SystemExit, match="equilibrium under 0 of the static loads was not found"):
         names["advance"](names["add_load"], 0.1, "equilibrium under {:.4g} of the static loads was not found")
+
+
+ELASTIC = {
+    "between": ["left", "right"],
+    "normal_stiffness": "16 GPa/m",
+    "tension_stiffness": "16 GPa/m",
+    "shear_stiffness": "8 GPa/m",
+}
+
+
+class _Springs:
+    """OpenSees as far as `add_gap` sees it: stiffness of uniaxial materials, and springs by direction."""
+
+    def __init__(self):
+        self.stiffness, self.found = {}, {1: 0.0, 2: 0.0, 3: 0.0}
+
+    def uniaxialMaterial(self, kind, tag, *values):
+        # the secant of the multilinear one over both signs, without a gap
+        self.stiffness[tag] = values[0] if kind == "Elastic" else (values[7] - values[5]) / 2.0
+
+    def element(self, kind, tag, I, J, *words):
+        assert kind == "zeroLength"
+        materials = words[words.index("-mat") + 1 : words.index("-dir")]
+        directions = words[words.index("-dir") + 1 : words.index("-orient")]
+        for material, direction in zip(materials, directions, strict=True):
+            self.found[direction] += self.stiffness[material]
+
+
+def test_springs_of_an_elastic_joint_in_opensees():
+    deck = built(boxes(joints={"gap": ELASTIC}))[1]
+    files, stated = write_opensees(deck)
+    script, ops = files["deck.py"], _Springs()
+    names = {"ops": ops, "math": math, "xyz": lambda row, what: [float(row[what + axis]) for axis in "xyz"]}
+    exec(script[script.index("def add_gap") : script.index("def loads")], names)
+    for k, row in enumerate(csv.DictReader(io.StringIO(files["gaps.csv"]))):
+        names["add_gap"](row, 1000 + k, 1 + 2 * k, 1 + 2 * k)
+    law = deck.gaps.law
+    assert ops.found == pytest.approx({1: law.K_n.sum(), 2: law.K_s.sum(), 3: law.K_s.sum()}, rel=1e-12)
+    assert not any("Left out" in text for text in stated)
+
+
+@pytest.mark.parametrize("write", [write_calculix, write_abaqus])
+def test_springs_of_an_elastic_joint_in_keywords(write):
+    deck = built(boxes(joints={"gap": ELASTIC}))[1]
+    files, stated = write(deck)
+    lines, along = files["gaps.inp"].splitlines(), {"2": 0.0, "3": 0.0}
+    for k, line in enumerate(lines):
+        if line.startswith("*SPRING, ELSET=S"):  # the group stands above, from its *ELEMENT on
+            first = max(i for i in range(k) if lines[i].startswith("*ELEMENT"))
+            along[lines[k + 1]] += (k - first - 1) * float(lines[k + 2])
+    assert along == pytest.approx(dict.fromkeys("23", deck.gaps.law.K_s.sum()), rel=1e-9)
+    assert not any("Left out" in text or "no limit" in text for text in stated)

@@ -16,7 +16,7 @@ _SAME = 1e-6  # of the mesh's largest extent: centres that are nearer than this 
 _SHOWN = 8  # bodies that a message lists
 
 
-def one_body(file: MeshFile, members: Sequence[Ints], number: int, location: str) -> list[Ints]:
+def cells_of_body(file: MeshFile, members: Sequence[Ints], number: int, location: str) -> list[Ints]:
     """The solid elements of one of the bodies that some elements make, by their rows in every kind.
 
     Parameters

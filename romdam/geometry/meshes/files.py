@@ -15,7 +15,7 @@ from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material
 from romdam.geometry.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
 from romdam.geometry.facets import all_facets, boundary_facets, facet_keys, row_numbers
-from romdam.geometry.meshes.bodies import one_body
+from romdam.geometry.meshes.bodies import cells_of_body
 from romdam.geometry.meshes.data import EVERYTHING, LARGEST, MeshFile, Numbered
 from romdam.geometry.meshes.formats.abaqus import read_abaqus
 from romdam.geometry.meshes.formats.ansys import read_ansys
@@ -93,7 +93,7 @@ class MeshFiles:
             self.remarks.append(f"{path}: block {name!r} takes {taken}, and there is a group {name!r} too")
         label, members = _members(file, config.group, path, location)
         if config.body is not None:
-            members = one_body(file, members, config.body, f"{location}.body: {path}")
+            members = cells_of_body(file, members, config.body, f"{location}.body: {path}")
         file.refuse_unsound(label, members, 3, f"{location}.file: {path}")
         if label != EVERYTHING and label in file.left_out:
             self.remarks.append(f"{path}: group {label!r} holds {file.left_out[label]} too, left out")
