@@ -22,6 +22,15 @@ from romdam.pipelines.automatic_mesh import Trial, choose_mesh
 from romdam.pipelines.automatic_modes import with_modes
 
 TIME = np.linspace(0.0, 4.0, 401)
+
+
+def history_of(jump):
+    """A run whose joint forces are as its jumps, without output nodes."""
+    none = np.zeros((len(TIME), 0))
+    forces = {"mean_traction": jump, "traction": jump, "water": np.zeros((0, 0))}
+    return SimpleNamespace(time=TIME, jump=jump, disp=none, acc=none, **forces)
+
+
 ABOUT = {"record": "pulse", "seconds": 4.0}
 MATERIALS = {"concrete": {"E": 30e9, "nu": 0.18, "rho": 2440.0}}
 
@@ -59,15 +68,7 @@ class Errors:
             raise MeshError("fewer modes than asked for")
         error, unknowns = self.of(job)
         jump = (1.0 + error) * np.sin(3.0 * TIME)[:, None, None] * np.ones((1, 1, 1))
-        history = SimpleNamespace(
-            time=TIME,
-            jump=jump,
-            mean_traction=jump,
-            traction=jump,
-            water=np.zeros((0, 0)),
-            disp=np.zeros((401, 0)),
-            acc=np.zeros((401, 0)),
-        )
+        history = history_of(jump)
         run = MeshRun(
             history, np.zeros((1, 3)), np.ones(1), {"c": slice(0, 1)}, (), np.zeros((0, 4)), int(unknowns)
         )
@@ -175,15 +176,7 @@ def test_the_direction_of_a_dam_that_pays_is_refined():
             [[0.0, b / d.through, c / d.up] for b in range(d.through + 1) for c in range(d.up + 1)]
         )
         jump = jump[:, None, None] * np.ones((1, len(gaps), 1))
-        history = SimpleNamespace(
-            time=TIME,
-            jump=jump,
-            mean_traction=jump,
-            traction=jump,
-            water=np.zeros((0, 0)),
-            disp=np.zeros((401, 0)),
-            acc=np.zeros((401, 0)),
-        )
+        history = history_of(jump)
         joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up
         run = MeshRun(history, gaps, np.ones(len(gaps)), joints, (), np.zeros((0, 4)), unknowns, None, True)
         return Trial(run, 1.0)
