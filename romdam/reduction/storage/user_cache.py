@@ -79,7 +79,7 @@ class UserCache(BlockStore):
         basis = super().read(key, inner)
         if basis is not None:
             log.info("%s: the reduced block is found", self.path(key))
-            self._use(key)
+            self._use(key, grown=not self._used)
         return basis
 
     def write(self, key: str, block: Block, basis: BlockBasis) -> BlockBasis:
@@ -97,12 +97,19 @@ class UserCache(BlockStore):
         self._use(key)
         return basis
 
-    def _use(self, key: str) -> None:
-        """Count a block as used now, and let others go as far as the limit asks; this job's own stay."""
+    def _use(self, key: str, grown: bool = True) -> None:
+        """Count a block as used now; let others go as far as the limit asks, but not this job's own.
+
+        Parameters
+        ----------
+        grown : whether the folder may exceed the limit since it was looked at
+        """
         path = self.path(key)
         self._used.add(path)
         with suppress(OSError):
             os.utime(path)
+        if not grown:
+            return
         left = entries(self.folder)
         size = sum(entry.size for entry in left)
         for entry in left:
