@@ -25,6 +25,7 @@ import argparse
 import copy
 import json
 import logging
+import math
 import multiprocessing
 import sys
 import time
@@ -350,7 +351,8 @@ def stated_errors(attrs: dict[str, Any]) -> tuple[dict[str, Errors], set[str]]:
 
     mesh, modes, steps = of("discretisation"), of("error_estimate"), dict[str, float]()
     for measure, ending in (("l2", ""), ("peak", "_peaks")):
-        if (stated := attrs.get(f"solver_estimated_time_error{ending}")) is not None:
+        stated = attrs.get(f"solver_estimated_time_error{ending}", math.inf)
+        if math.isfinite(stated):  # it is infinite where the run says that it is not known
             steps[measure] = float(stated)
     if "error_estimate" not in attrs:  # all modes of the mesh are there, and nothing is stated of them
         modes = {"opening": {"l2": 0.0, "peak": 0.0}}
