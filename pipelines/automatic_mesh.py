@@ -26,7 +26,7 @@ from romdam.error.statement import ErrorStatement, percent
 from romdam.pipelines.error.sibling import MANY_MORE
 from romdam.pipelines.simulation import Model
 from romdam.results.case import Case
-from romdam.timestepping.integrators.protocol import Progress
+from romdam.timestepping.prepared import Progress
 
 MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
 AnyMesh = TypeVar("AnyMesh")

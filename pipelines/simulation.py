@@ -26,9 +26,8 @@ from romdam.timestepping.construction import constructed
 from romdam.timestepping.contact_resolution import resolution_warnings
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
-from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
-from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.prepared import Outcome, Prepared, Progress
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.soundness import refuse_active_damping

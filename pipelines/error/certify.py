@@ -15,9 +15,10 @@ from romdam.config.effects import acting_effects, refuse_unknown_effects
 from romdam.config.load import Job, load_config, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
-from romdam.core.fingerprint import code_digest, scene_digest
+from romdam.core.fingerprint import code_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.scene_digest import scene_digest
 from romdam.core.system import History
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full

@@ -8,9 +8,9 @@ from pathlib import Path
 from romdam.config.load import Job, Source, load_config, naming_lines
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.core.files import prepare_folder
-from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.scene_digest import scene_digest
 from romdam.core.threads import one_thread
 from romdam.error.discretisation import MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement, write_verification

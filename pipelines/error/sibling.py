@@ -42,7 +42,7 @@ from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.case import Case
-from romdam.timestepping.integrators.protocol import Progress
+from romdam.timestepping.prepared import Progress
 
 _NO_MESH = (ConfigError, ConvergenceError, MeshError, ReductionError)  # why a job does not go with a mesh
 _MOST_UNKNOWNS, _MOST_GAPS = 60_000, 800  # of a finer mesh that is run without being asked for

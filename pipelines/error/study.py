@@ -35,9 +35,8 @@ from romdam.records.record_set import load_motions
 from romdam.reduction.mode_choice import ALL_MODES, ModeChoice, mode_choice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import write_dataset
-from romdam.timestepping.integrators.protocol import Progress
 from romdam.timestepping.integrators.registry import FULL_ORDER
-from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.prepared import Prepared, Progress
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 

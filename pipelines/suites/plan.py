@@ -21,9 +21,10 @@ from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.arrays import Floats
 from romdam.core.counted import Counted
 from romdam.core.errors import ConfigError, RecordError
-from romdam.core.fingerprint import code_digest, fingerprint, scene_content
+from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.scene_digest import scene_content
 from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.floor_spectra import refuse_fast_oscillators

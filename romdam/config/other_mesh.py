@@ -90,8 +90,9 @@ class SiblingJob:
 def coarser_by_direction(job: Job) -> list[SiblingJob]:
     """Jobs on meshes of twice the size, each in one more direction than the one before.
 
-    A dam without rock has no such direction. Odd divisions along an arch, which hold no gaps, are rounded
-    up, as odd numbers of layers of rock.
+    A dam without rock has no such direction. Odd numbers of elements that three divides become two thirds of
+    what they are: every third node, and its gap, is in both meshes. Other odd divisions along an arch, which
+    hold no gaps, are rounded up, as odd numbers of layers of rock.
 
     Returns
     -------
@@ -100,7 +101,8 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
     Raises
     ------
     ConfigError
-        for stiffnesses of single gaps, and odd numbers of elements through a dam or up.
+        for stiffnesses of single gaps, and odd numbers of elements through a dam or up that three does not
+        divide.
     """
     key, dam = _quadratic_dam(job)
     if dam is None:
@@ -115,10 +117,11 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
             if not _has_ground(dam) or times == 1.0:
                 continue
             times, coarser = 2.0, coarser | {"growth": divisions.growth**2}
+        elif times < 2.0 and not counts[direction] % 3:
+            times, coarser = 1.5, {direction: 2 * counts[direction] // 3}
         elif times == 1.0 or (times < 2.0 and (direction != "along" or key == "gravity_dam")):
-            _refuse_coarser(
-                f"{job.path}: {key}.divisions.{direction}", f"is {counts[direction]}, which cannot be halved"
-            )
+            why = f"is {counts[direction]}, of which neither half nor two thirds are whole"
+            _refuse_coarser(f"{job.path}: {key}.divisions.{direction}", why)
         divisions = divisions.model_copy(update=coarser)
         changed = dam.model_copy(update={"divisions": divisions})
         chain.append(SiblingJob(direction, times, _of_another_mesh(job, {key: changed})))

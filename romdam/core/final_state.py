@@ -10,12 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import NDArray
 
 from romdam.core.arrays import Bools
 from romdam.core.recorded import Expansion
-from romdam.core.system import GapLaw, LawSource, System
 
 # how the value of a gap follows from that of the merged gap that stands for it; "modes": of the unknowns;
 # None: of the run, or of gaps that are never merged
@@ -50,8 +48,8 @@ class FinalState:
     ----------
     arrays : by the names of `STATE_QUANTITIES`, those that the integrator has
     integrator : its name
-    model : of the system, see `model_signature`
-    laws : key of each row of "memory", see `law_key` -> (ng,) which gaps have that law
+    model : of the system, see `romdam.core.model_signature`
+    laws : key of each row of "memory", see `model_signature.law_key` -> (ng,) which gaps have that law
     source : key and file that messages about the state begin with
     """
 
@@ -81,46 +79,3 @@ class InitialState:
     def going_on(self) -> FinalState | None:
         """The state that runs go on from; None where they begin at rest."""
         return self.final if self.take == "all" else None
-
-
-def law_key(law: LawSource) -> str:
-    """What tells a law from others: its name, and for a user's what its file does."""
-    return f"{law.name} {law.sha256}".strip()
-
-
-def model_signature(system: System) -> dict[str, NDArray[Any]]:
-    """Arrays by which the model of a state is told from another, signs of its modes included.
-
-    "participation" is B^T r with r the same numbers for all models of as many gaps, besides the load.
-    """
-    numbers = np.random.default_rng(46).uniform(0.5, 1.5, system.B.shape[0])
-    load = np.asarray(system.load @ np.linspace(1.0, 2.0, system.load.shape[1]))
-    return {
-        "stiffness": system.K.diagonal(),
-        "damping": system.C.diagonal(),
-        "participation": np.asarray(system.B.T @ numbers),
-        "load": load,
-        "force": np.asarray(system.force),
-        **law_arrays(system.law),
-    }
-
-
-def law_arrays(law: GapLaw) -> dict[str, NDArray[Any]]:
-    """Parameters of the gaps by name, (ng, ...); finite numbers, rigid stiffnesses are -1."""
-
-    def finite(values: NDArray[Any]) -> NDArray[Any]:
-        return np.where(np.isinf(values), -1.0, values)
-
-    parameters = {
-        "normal_stiffness": finite(law.K_n),
-        "tension_stiffness": finite(law.K_nz),
-        "shear_stiffness": finite(law.K_s),
-        "friction": finite(law.mu),
-        "gap": law.gap,
-        "viscosity": law.viscosity,
-    }
-    for number, rows in enumerate(law.laws):
-        parameters[f"law {number + 1}, {rows.law.name}"] = np.where(
-            rows.on[:, None], finite(rows.values), -1.0
-        )
-    return parameters

@@ -1,4 +1,4 @@
-"""SHA-256 of plain data: what a stored file was made from; of a scene; and of a file's bytes.
+"""SHA-256 of plain data: what a stored file was made from; of the code; and of a file's bytes.
 
 Results are told apart by their scene and their samples: the SHA-256 of a configuration is of its keys alone,
 and a mesh, a record, matrices or a gap table can be another under the same name. What is kept for later
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -21,8 +21,6 @@ import romdam
 
 if TYPE_CHECKING:
     from hashlib import _Hash
-
-    from romdam.core.scene import Scene
 
 # rooms that show or compare what was computed, or write it for others; every other room may move a number
 _SHOWING = ("benchmarks", "commands", "examples", "export", "terminal", "visual")
@@ -135,40 +133,6 @@ def _texts(package: Path) -> dict[str, bytes]:
                 path.read_bytes()
             )
     return texts
-
-
-def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object, object]:
-    """The joints of a scene and the rest of it, as `fingerprint` takes them.
-
-    Parameters
-    ----------
-    left_out : attributes of the joints that do not count
-    """
-    joints = {
-        name: {key: value for key, value in vars(joint).items() if key not in left_out}
-        for name, joint in scene.joints.items()
-    }
-    rest = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name not in ("joints", "remarks")}
-    moving: object = None
-    if scene.moving is not None:  # by what moves supports; where their records were read from does not count
-        motions = [
-            (
-                motion.support,
-                motion.delay,
-                motion.factor,
-                None if motion.record is None else motion.record.digest,
-            )
-            for motion in scene.moving.motions
-        ]
-        moving = motions, scene.moving.components
-        if scene.moving.shares:
-            moving = *moving, scene.moving.shares, scene.moving.incoherence
-    return joints, rest | {"moving": moving}
-
-
-def scene_digest(scene: Scene) -> str:
-    """SHA-256 of everything in a scene, as this code builds it: 7 ms with 70,000 unknowns."""
-    return fingerprint((code_digest(), *scene_content(scene)))
 
 
 def _add(content: _Hash, value: Any) -> None:

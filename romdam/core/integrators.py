@@ -16,7 +16,7 @@ class IntegratorEntry:
 
     Attributes
     ----------
-    source : "module:class", see `romdam.timestepping.integrators.protocol.Integrator`
+    source : "module:class", see `romdam.timestepping.prepared.Integrator`
     uncoupled : whether it needs uncoupled modes: a reduced model without viscous faces and compressible
         water. Only then can `accuracy` choose its step, and `romdam study` compare it
     damped : whether it suits scenes with damping

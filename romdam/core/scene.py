@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.final_state import InitialState
 from romdam.core.motion import ForceSignal, MovingSupports
 from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
-
-if TYPE_CHECKING:
-    from romdam.core.final_state import InitialState
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 

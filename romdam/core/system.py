@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,9 @@ from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
+from romdam.core.final_state import FinalState, InitialState
 from romdam.core.motion import ForceSignal, Incoherence, Motion, SupportMotion, ground_rows
 from romdam.core.recorded import GapQuantities
-
-if TYPE_CHECKING:
-    from romdam.core.final_state import FinalState, InitialState
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}

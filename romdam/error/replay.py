@@ -35,8 +35,7 @@ from romdam.core.arrays import Floats
 from romdam.core.system import Complex, History, System
 from romdam.linalg.factor import Factor
 from romdam.timestepping.equilibrium import rest_shift
-from romdam.timestepping.integrators.protocol import Progress
-from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.prepared import Prepared, Progress
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate_one
 

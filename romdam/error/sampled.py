@@ -25,8 +25,7 @@ from romdam.error.metrics import RelativeError, magnitude_error, opening_error, 
 from romdam.error.replay import Forces, Replayed, corrected_run, measure_defect
 from romdam.error.statement import ErrorStatement, percent
 from romdam.results.stored_run import StoredRun
-from romdam.timestepping.integrators.protocol import Progress
-from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.prepared import Prepared, Progress
 from romdam.timestepping.settings import Settings, Start
 
 SHORTEST = 2.0 * WINDOW  # [s] of a record of which a sample is taken; a shorter one is solved throughout

@@ -21,8 +21,9 @@ from romdam.config.load import Job
 from romdam.config.plausible import check_assumptions
 from romdam.core.errors import ResultError
 from romdam.core.final_state import FinalState
-from romdam.core.fingerprint import code_digest, scene_digest
+from romdam.core.fingerprint import code_digest
 from romdam.core.motion import AXES, GroundMotion
+from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement

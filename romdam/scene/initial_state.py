@@ -12,8 +12,9 @@ from romdam.config.sections.loads import InitialStateConfig
 from romdam.contact.laws.catalogue import find_law
 from romdam.core.arrays import Ints
 from romdam.core.errors import ConfigError, ResultError, listed, quote
-from romdam.core.final_state import STATE_QUANTITIES, FinalState, InitialState, law_key
+from romdam.core.final_state import STATE_QUANTITIES, FinalState, InitialState
 from romdam.core.final_state_file import VARIABLES, StoredState, read_final_state
+from romdam.core.model_signature import law_key
 from romdam.core.scene import Joint
 
 KEY = "loads.initial_state.result"

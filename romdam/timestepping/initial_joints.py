@@ -9,7 +9,7 @@ import numpy as np
 from romdam.contact.laws.law import Law
 from romdam.contact.problem import every_law, law_memory
 from romdam.core.arrays import Floats
-from romdam.core.final_state import law_key
+from romdam.core.model_signature import law_key
 from romdam.core.system import System
 
 

@@ -56,3 +56,14 @@ class Settings:
     shear_share: float = 1.0
     only_jumps: bool = False
     every_step: bool = False
+
+
+def not_converged(step: int, settings: Settings, residual: float, place: str) -> str:
+    """Message for a step whose gap-space problem did not converge."""
+    asked = settings.to_accuracy
+    remedy = "give transient.finest_step in place of accuracy" if asked else "halve transient.finest_step"
+    return (
+        f"step {step}, t = {step * settings.steps.base:.6g} s: the gap-space problem stopped at a relative "
+        f"residual of {residual:.2g}, limit {settings.tolerance:.2g}, farthest at {place}; "
+        f"{remedy}, or lower the friction"
+    )

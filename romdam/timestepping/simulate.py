@@ -10,16 +10,16 @@ import numpy as np
 from romdam.contact.problem import every_law
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ConvergenceError
-from romdam.core.final_state import FinalState, law_key, model_signature
+from romdam.core.final_state import FinalState
 from romdam.core.integrators import INTEGRATORS
+from romdam.core.model_signature import law_key, model_signature
 from romdam.core.system import History
 from romdam.timestepping.energy import imbalance
 from romdam.timestepping.every_step import thinned
-from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.integrators.registry import integrator_class
 from romdam.timestepping.load_order import order_warnings
 from romdam.timestepping.peaks import node_peaks
-from romdam.timestepping.prepared import Prepared, Simulation
+from romdam.timestepping.prepared import Outcome, Prepared, Progress, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.soundness import sound
 from romdam.timestepping.support_motion import add_support_motion

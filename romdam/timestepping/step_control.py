@@ -13,8 +13,7 @@ from romdam.contact.components import NORMAL
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConvergenceError
 from romdam.core.system import GapLaw, History, System
-from romdam.timestepping.integrators.protocol import Outcome, Progress
-from romdam.timestepping.prepared import Prepared
+from romdam.timestepping.prepared import Outcome, Prepared, Progress
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.simulate import simulate
 

@@ -13,8 +13,8 @@ import romdam
 from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError, RecordError
-from romdam.core.fingerprint import scene_digest
 from romdam.core.motion import GroundMotion, Incoherence, SupportMotion
+from romdam.core.scene_digest import scene_digest
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly
 from romdam.pipelines.check import check

@@ -397,8 +397,14 @@ def test_siblings_of_a_dam_are_coarser_in_one_more_direction_each(tmp_path):
     assert [(each.direction, each.times) for each in coarser_by_direction(odd)] == [
         ("up", 2.0), ("through", 2.0), ("along", 1.5)
     ]  # fmt: skip
-    with pytest.raises(ConfigError, match=r"arch_dam.divisions.through: is 3, which cannot be halved"):
-        coarser_by_direction(load_config(arch_job(tmp_path, {"along": 2, "through": 3, "up": 4})))
+    thirds = coarser_by_direction(load_config(arch_job(tmp_path, {"along": 9, "through": 3, "up": 9})))
+    assert [(each.direction, each.times) for each in thirds] == [
+        ("up", 1.5), ("through", 1.5), ("along", 1.5)
+    ]  # fmt: skip
+    coarsest = thirds[-1].job.config.arch_dam.divisions
+    assert (coarsest.along, coarsest.through, coarsest.up) == (6, 2, 6)
+    with pytest.raises(ConfigError, match=r"arch_dam.divisions.through: is 5, of which neither half nor two"):
+        coarser_by_direction(load_config(arch_job(tmp_path, {"along": 2, "through": 5, "up": 4})))
     assert coarser_by_direction(load_config(arch_job(tmp_path, {}, element="hex8"))) == []
 
 

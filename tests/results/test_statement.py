@@ -5,7 +5,7 @@ import json
 import h5py
 import pytest
 
-from romdam.core.fingerprint import scene_digest
+from romdam.core.scene_digest import scene_digest
 from romdam.error.metrics import RelativeError
 from romdam.error.statement import ErrorStatement, read_verification, write_verification
 from romdam.results.dataset import build_dataset, write_dataset

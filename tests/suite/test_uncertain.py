@@ -13,7 +13,7 @@ import romdam
 from romdam.config import parse_config
 from romdam.config.parameters import find_varied_key, vary
 from romdam.core.errors import ConfigError
-from romdam.core.fingerprint import scene_digest
+from romdam.core.scene_digest import scene_digest
 from romdam.pipelines.run import Clock, build_model, silent
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.suites.plan import make_plan

@@ -9,8 +9,7 @@ from simulating import prepared_for
 
 from romdam.core.errors import ConvergenceError
 from romdam.timestepping import step_control
-from romdam.timestepping.integrators.protocol import not_converged
-from romdam.timestepping.settings import Settings
+from romdam.timestepping.settings import Settings, not_converged
 from romdam.timestepping.simulate import simulate_one
 from romdam.timestepping.step_control import _Trial, jump_differences, simulate_to
 from romdam.timestepping.steps import Steps

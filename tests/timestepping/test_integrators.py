@@ -22,9 +22,8 @@ from romdam.pipelines.job_warnings import job_warnings
 from romdam.pipelines.simulation import prepare, settings_for, simulate_motion
 from romdam.records.processing.resampling import resample_motion
 from romdam.timestepping import simulate as at_steps
-from romdam.timestepping.integrators.protocol import not_converged
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
-from romdam.timestepping.settings import Settings
+from romdam.timestepping.settings import Settings, not_converged
 from romdam.timestepping.steps import Steps, cut_steps, fixed_steps, grid_steps, holds_samples
 
 EXAMPLE = Path(__file__).parents[2] / "configs" / "two_cantilevers.yaml"

@@ -10,11 +10,10 @@ import numpy as np
 
 from romdam.core.final_state import FinalState
 from romdam.core.system import History
-from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.integrator import ModalIntegrator
 from romdam.timestepping.modal.symmetry import expand, merge_equivalent_contacts, merged_final, merged_start
-from romdam.timestepping.prepared import Prepared, Simulation
-from romdam.timestepping.settings import Settings
+from romdam.timestepping.prepared import Outcome, Prepared, Progress, Simulation
+from romdam.timestepping.settings import Settings, Start
 from romdam.timestepping.steps import Steps, cut_steps
 
 if TYPE_CHECKING:
@@ -66,12 +65,14 @@ class Adaptive(ModalIntegrator):
         smaller = [Simulation(self._merged(one, settings), one.ground) for one in simulations]
         if settings.start is None:
             return smaller, settings
-        first = smaller[0].prepared
-        alike = first.symmetry is not None and all(one.prepared is first for one in smaller)
-        if not alike:
+        first, kept = smaller[0].prepared, settings.start
+        symmetry, whole = first.symmetry, first.whole
+        if symmetry is None or whole is None or any(one.prepared is not first for one in smaller):
             return simulations, settings
-        kept = settings.start
-        start = merged_final(kept, first) if isinstance(kept, FinalState) else merged_start(kept, first)
+        if isinstance(kept, FinalState):
+            start: Start | FinalState | None = merged_final(kept, symmetry)
+        else:
+            start = merged_start(kept, symmetry, whole.system)
         return (simulations, settings) if start is None else (smaller, replace(settings, start=start))
 
     def _merged(self, simulation: Simulation, settings: Settings) -> Prepared:

@@ -45,10 +45,9 @@ from romdam.timestepping.equilibrium import (
     take_over,
     with_water,
 )
-from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.peaks import first_peaks, named_peaks, raise_peaks
-from romdam.timestepping.prepared import Simulation
-from romdam.timestepping.settings import Settings
+from romdam.timestepping.prepared import Outcome, Progress, Simulation
+from romdam.timestepping.settings import Settings, not_converged
 from romdam.timestepping.steps import Steps, fixed_steps
 from romdam.timestepping.support_motion import Carried
 

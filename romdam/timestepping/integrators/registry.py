@@ -7,7 +7,7 @@ from importlib import import_module
 from romdam.core.errors import ConfigError
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.system import System
-from romdam.timestepping.integrators.protocol import Integrator
+from romdam.timestepping.prepared import Integrator
 
 FULL_ORDER = "generalized_alpha"  # suits any system, and the unreduced mesh
 

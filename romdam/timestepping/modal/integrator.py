@@ -11,10 +11,9 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError
 from romdam.core.system import History, System
-from romdam.timestepping.integrators.protocol import Outcome, Progress
 from romdam.timestepping.modal.mode_split import ModeSplit, split_by_mass
 from romdam.timestepping.modal.runs import integrate_batch
-from romdam.timestepping.prepared import Prepared, Simulation
+from romdam.timestepping.prepared import Outcome, Prepared, Progress, Simulation
 from romdam.timestepping.settings import Settings
 from romdam.timestepping.steps import Steps, fixed_steps
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, Self
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,9 @@ from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
 from romdam.timestepping.modal.arrays import BASE, ModalModel, StepHierarchy
 from romdam.timestepping.modal.propagator import Propagator, modal_propagator, response_to_force
+from romdam.timestepping.modal.symmetry import Symmetry
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.steps import Steps
-
-if TYPE_CHECKING:
-    from romdam.timestepping.modal.integrator import ModalIntegrator
-    from romdam.timestepping.modal.symmetry import Symmetry
 
 _ALIKE = 1e-9  # relative difference of relaxation times that count as one
 
@@ -65,6 +62,19 @@ class ModeSplit:
     def key(self) -> tuple[bytes, bytes]:
         """Key that tells it from others of the same system."""
         return self.dynamic.tobytes(), self.taper.tobytes()
+
+
+class ModalScheme(Protocol):
+    """What the arrays of a run follow from beside its system: options of `ModalIntegrator`."""
+
+    midpoint: bool
+    force_change: float
+    shear_change: float
+    massless_boundary: bool
+
+    def split(self, prepared: Prepared, step: float) -> ModeSplit:
+        """Choose the dynamic modes for a base step [s]."""
+        ...
 
 
 def make_split(system: System, dynamic: Ints, quasi_static: Ints, taper: Floats) -> ModeSplit:
@@ -175,7 +185,7 @@ def _tiles(system: System, split: ModeSplit) -> tuple[NDArray[np.int64], Floats]
 
 def step_levels(
     variants: Sequence[Prepared],
-    integrator: ModalIntegrator,
+    integrator: ModalScheme,
     model: ModalModel,
     split: ModeSplit,
     steps: Steps,
@@ -242,7 +252,7 @@ class _Motion:
     def of(
         cls,
         prepared: Prepared,
-        integrator: ModalIntegrator,
+        integrator: ModalScheme,
         model: ModalModel,
         split: ModeSplit,
         steps: Steps,

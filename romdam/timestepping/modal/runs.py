@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from romdam.core.system import System
 from romdam.core.threads import cpu_time
 from romdam.timestepping.energy import ENERGIES
 from romdam.timestepping.equilibrium import GapState, ended_gaps, initial_state, resumed, take_over
-from romdam.timestepping.integrators.protocol import Outcome, Progress, not_converged
 from romdam.timestepping.modal.arrays import (
     BASE,
     CLOCK,
@@ -40,18 +39,16 @@ from romdam.timestepping.modal.arrays import (
 from romdam.timestepping.modal.histories import Observed, history_of_rows
 from romdam.timestepping.modal.loop import integrate
 from romdam.timestepping.modal.mode_split import (
+    ModalScheme,
     ModeSplit,
     modal_model,
     run_memory,
     step_levels,
 )
 from romdam.timestepping.peaks import first_peaks, named_peaks, peaks_at_points
-from romdam.timestepping.prepared import Prepared, Simulation
-from romdam.timestepping.settings import Settings
+from romdam.timestepping.prepared import Outcome, Prepared, Progress, Simulation
+from romdam.timestepping.settings import Settings, not_converged
 from romdam.timestepping.support_motion import add_carried_jumps
-
-if TYPE_CHECKING:
-    from romdam.timestepping.modal.integrator import ModalIntegrator
 
 _HELD = 1e-9  # of the largest stiffness: what has less moves freely
 _STEPS = 400  # of every run between two reports of progress
@@ -67,7 +64,7 @@ class Initial(NamedTuple):
 
 
 def integrate_batch(
-    batch: Sequence[Simulation], integrator: ModalIntegrator, settings: Settings, progress: Progress
+    batch: Sequence[Simulation], integrator: ModalScheme, settings: Settings, progress: Progress
 ) -> list[Outcome]:
     """Integrate simulations together over their whole ground motions.
 
@@ -117,7 +114,7 @@ def integrate_batch(
 
 def _arrays(
     batch: Sequence[Simulation],
-    integrator: ModalIntegrator,
+    integrator: ModalScheme,
     split: ModeSplit,
     settings: Settings,
     starts: Sequence[Initial],

@@ -37,7 +37,6 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.final_state import STATE_QUANTITIES, FinalState
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity
 from romdam.core.system import Coordinates, GapLaw, History, System
-from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Start
 
 _SAME = 1e-5  # relative, of frequencies squared
@@ -227,15 +226,9 @@ def _merged_state(name: str, values: NDArray[Any], symmetry: Symmetry) -> NDArra
     return total if how == "force" else total / symmetry.count[:, None]
 
 
-def merged_final(final: FinalState, prepared: Prepared) -> FinalState | None:
-    """Give a final state as the system with merged contacts has it; None where it mirrors nothing.
-
-    Parameters
-    ----------
-    prepared : with merged contacts
-    """
-    symmetry, merged = prepared.symmetry, dict[str, NDArray[Any]]()
-    assert symmetry is not None
+def merged_final(final: FinalState, symmetry: Symmetry) -> FinalState | None:
+    """Give a final state as the system with merged contacts has it; None where it mirrors nothing."""
+    merged = dict[str, NDArray[Any]]()
     for name, values in final.arrays.items():
         merged[name] = _merged_state(name, values, symmetry)
         if name in ("q", "v", "jump", "traction", "accumulated_slip", "spring", "contact", "closed"):
@@ -260,20 +253,14 @@ def _expanded_quantity(values: NDArray[Any], of: Quantity, symmetry: Symmetry, a
     return values
 
 
-def merged_start(start: Start, prepared: Prepared) -> Start | None:
-    """Give a state of the whole as the system with merged contacts has it; None where it mirrors nothing.
-
-    Parameters
-    ----------
-    prepared : with merged contacts
-    """
-    symmetry, d = prepared.symmetry, start.jump.shape[1]
-    assert symmetry is not None and prepared.whole is not None
+def merged_start(start: Start, symmetry: Symmetry, whole: System) -> Start | None:
+    """Give a state of a whole system as that with merged contacts has it; None where it mirrors nothing."""
+    d = start.jump.shape[1]
     spread = _spread(symmetry.gaps, symmetry.signs)
     count = np.repeat(symmetry.count, d)
     jump, traction = spread.T @ start.jump.ravel() / count, spread.T @ start.traction.ravel()
     q, v = symmetry.modes.T @ start.q, symmetry.modes.T @ start.v
-    weight = np.sqrt(prepared.whole.system.K.diagonal())
+    weight = np.sqrt(whole.K.diagonal())
     for values, same in (
         (start.jump.ravel(), spread @ jump),
         (start.traction.ravel(), spread @ (traction / count)),
