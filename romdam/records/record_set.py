@@ -159,6 +159,7 @@ def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
         yield Loaded(entry.name or str(entry.manifest or entry.files), error=error)
         return
     chosen = _Chosen(entry)
+    several = not (len(sources) == 1 and sources[0].is_record) and bool(_list_of_records(entry))
     for source in sources:
         if source.is_record and not chosen.takes(source.name):
             continue
@@ -167,6 +168,7 @@ def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
             for recorded in source.read():
                 if not chosen.takes(recorded.name):
                     continue
+                recorded = replace(recorded, name=_named(entry, recorded.name, several=several))
                 for motion in _motions(recorded):
                     passes = True  # whether the measures of the largest of x, y, z lie within `keep`
                     keep = recorded.config.keep
@@ -176,16 +178,28 @@ def _read(entry: RecordConfig, folder: Path) -> Iterator[Loaded]:
                         passes = passes and low <= values[name] <= high
                     loaded.append(Loaded(motion.name, motion, passes=passes))
         except (RecordError, ConfigError) as error:
-            loaded = [Loaded(source.name, error=error)]
+            loaded = [Loaded(_named(entry, source.name, several=several), error=error)]
         yield from loaded
     chosen.refuse_unmatched()
+
+
+def _list_of_records(entry: RecordConfig) -> str | Path | None:
+    """What names the records of an entry that may have several: a pattern, a manifest, a set."""
+    return entry.files or entry.manifest or entry.suite
+
+
+def _named(entry: RecordConfig, name: str, *, several: bool) -> str:
+    """The name of a record: its entry's, before its own where the entry has several."""
+    if entry.name is None:
+        return name
+    return f"{entry.name}_{name}" if several else entry.name
 
 
 class _Chosen:
     """The records that the `only` of an entry takes, and what of it has matched none."""
 
     def __init__(self, entry: RecordConfig) -> None:
-        self._patterns, self._source = entry.only, entry.files or entry.manifest or entry.suite
+        self._patterns, self._source = entry.only, _list_of_records(entry)
         self._unmatched, self._names = dict.fromkeys(entry.only or ()), dict[str, None]()
 
     def takes(self, name: str) -> bool:

@@ -83,7 +83,7 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
         for a folder or manifest that cannot be listed, and globs that match nothing.
     """
     if entry.suite is not None:
-        return [Source(entry.name or entry.suite, partial(_from_suite, entry))]
+        return [Source(entry.suite, partial(_from_suite, entry))]
     if entry.manifest is not None:  # a row's own mistakes are those of its record
         manifest = folder / entry.manifest
         sources = []
@@ -97,7 +97,7 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     if entry.files is not None:
         paths = _files(folder / str(entry.files), str(entry.files))
         if entry.group != "file":
-            return [Source(entry.name or str(entry.files), partial(_from_stations, paths, entry, folder))]
+            return [Source(str(entry.files), partial(_from_stations, paths, entry, folder))]
         records = of_one_record(paths)
         holes = [name for name, _ in records if name.endswith(BOREHOLE)]
         if holes and any(name.endswith(SURFACE) for name, _ in records):  # no table tells them apart
@@ -110,9 +110,8 @@ def sources_of(entry: RecordConfig, folder: Path) -> list[Source]:
     elif entry.file is not None:
         records = [files_of_record(folder / entry.file)]
     else:
-        return [Source(entry.name or "record", partial(_from_component_files, entry, folder))]
-    named = [(entry.name or name, paths) for name, paths in records]
-    return [Source(name, partial(_from_files, name, paths, entry, folder), True) for name, paths in named]
+        return [Source("record", partial(_from_component_files, entry, folder))]
+    return [Source(name, partial(_from_files, name, paths, entry, folder), True) for name, paths in records]
 
 
 def files_of_record(path: Path) -> tuple[str, list[Path]]:

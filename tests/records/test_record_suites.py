@@ -52,6 +52,22 @@ def test_folder_glob_and_manifests_name_the_same_records(tmp_path):
     assert suites[2][0].provenance["event"] == "E"
 
 
+def test_the_name_of_an_entry_stands_before_those_of_its_records(tmp_path):
+    for seed in (1, 2):
+        at2(tmp_path, f"r{seed}.AT2", seed)
+    (tmp_path / "list.yaml").write_text(json.dumps([{"file": f"r{seed}.AT2"} for seed in (1, 2)]))
+    y, x = {"components": {"y": "090"}}, {"components": {"x": "090"}, "name": "turned"}
+    for way in ({"files": "r?.AT2"}, {"manifest": "list.yaml"}):
+        motions = load(tmp_path, way | y, way | x)
+        assert [motion.name for motion in motions] == ["r1", "r2", "turned_r1", "turned_r2"]
+        np.testing.assert_array_equal(motions[3].acc[0], motions[1].acc[1])
+        (alone,) = load(tmp_path, way | x | {"only": ["r2"]}) if "manifest" in way else [motions[3]]
+        assert alone.name == "turned_r2"
+        with pytest.raises(RecordError, match=r"2 records are named 'r1'"):
+            load(tmp_path, way | y, way | y)
+    assert [motion.name for motion in load(tmp_path, {"files": "r1.AT2"} | x)] == ["turned"]
+
+
 def test_a_manifest_notices_a_changed_file(tmp_path):
     at2(tmp_path, "r.AT2")
     (tmp_path / "list.yaml").write_text(json.dumps([{"file": "r.AT2", "sha256": 64 * "0"}]))

@@ -190,7 +190,7 @@ class RecordConfig(Model):
     suite: Literal["farfield", "nearfield_pulse", "nearfield_no_pulse"] | None = None
     """A set of FEMA P-695, from the extra `suites`."""
     name: Annotated[str, Field(pattern=r"^[\w.+-]+$"), OfFile] | None = None
-    """Name of the result; the file's if not given."""
+    """Name of the result; the file's if not given. Of several records it stands before the name of each."""
     unit: str | None = None
     """Unit of the values, such as g or cm/s2, where the file does not say it."""
     dt: Annotated[Time, Field(gt=0.0, ge=SHORTEST_DT, le=LONGEST_DT)] | None = None
