@@ -11,7 +11,6 @@ from pathlib import Path
 
 import xarray as xr
 
-import romdam
 from romdam.config.linear_stage import refuse_linear_stage
 from romdam.config.load import Job, Source, load_config, naming_lines, with_lines
 from romdam.config.other_mesh import with_spacing
@@ -21,6 +20,7 @@ from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
+from romdam.core.version import SOURCE
 from romdam.effects.added_mass import added_mass
 from romdam.fem.stress import stress_operators
 from romdam.pipelines.input_motions import records_of
@@ -317,7 +317,7 @@ def linear_stage(linear: LinearModel, motion: GroundMotion, folder: Path, clock:
         dataset = dataset.merge(of_history, combine_attrs="drop_conflicts")
         dataset.attrs |= job_labels(job) | record_labels(motion)
         dataset.attrs |= {
-            "source": f"romdam {romdam.__version__}",
+            "source": SOURCE,
             "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
             "versions": library_versions(),
             "joints": "tied",

@@ -10,6 +10,8 @@ print(outcome.results[0].dataset.peak_opening)
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from romdam.core.version import VERSION as __version__
+
 if TYPE_CHECKING:
     from romdam.config.load import Job, load_config
     from romdam.config.sections.job import Config
@@ -40,7 +42,6 @@ if TYPE_CHECKING:
     from romdam.results.fields import Result, open_result
     from romdam.results.suite.summary import open_suite
 
-__version__ = "0.3.0.dev0"
 __all__ = [
     "Config", "ConfigError", "ConvergenceError", "GroundMotion", "Job", "MeshError", "ModesOptions",
     "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",

@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-import romdam
 from romdam.commands.benchmarks import benchmarks
 from romdam.commands.caches import cache
 from romdam.commands.errors import certify, compare, study, verify
@@ -26,6 +25,7 @@ from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import RomdamError
 from romdam.core.files import keep_standard_files
 from romdam.core.printable import printable
+from romdam.core.version import SOURCE
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals, load_unsearched
 
 app = typer.Typer(
@@ -45,7 +45,7 @@ for command in _COMMANDS:
 
 def _version(asked: bool) -> None:
     if asked:
-        typer.echo(f"romdam {romdam.__version__} (Python {sys.version.split()[0]})")
+        typer.echo(f"{SOURCE} (Python {sys.version.split()[0]})")
         raise typer.Exit
 
 

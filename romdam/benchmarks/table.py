@@ -8,10 +8,10 @@ from dataclasses import asdict, astuple, fields
 from math import isfinite
 from pathlib import Path
 
-import romdam
 from romdam.benchmarks.case import Row
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder, replacing
+from romdam.core.version import SOURCE, VERSION
 from romdam.results.table import write_csv
 
 SUFFIXES = (".csv", ".json", ".md")
@@ -60,14 +60,14 @@ def _json(rows: Sequence[Row]) -> str:
         }
         for row in rows
     ]
-    document = {"romdam": romdam.__version__, "command": "benchmarks", "rows": listed}
+    document = {"romdam": VERSION, "command": "benchmarks", "rows": listed}
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
 def _markdown(rows: Sequence[Row]) -> str:
     """The table, and below it the reasons of known differences and the errors."""
     lines = [
-        f"romdam {romdam.__version__}, `romdam benchmarks`",
+        f"{SOURCE}, `romdam benchmarks`",
         "",
         "| case | quantity | unit | romdam | published | difference % | verdict | source |",
         "|---|---|---|---|---|---|---|---|",

@@ -17,8 +17,6 @@ from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-import romdam
-
 if TYPE_CHECKING:
     from hashlib import _Hash
 
@@ -177,4 +175,4 @@ def _add(content: _Hash, value: Any) -> None:
             raise TypeError(f"no fingerprint of {type(value).__name__}")
 
 
-_CODE = _texts(Path(romdam.__file__).parent)
+_CODE = _texts(Path(__file__).parents[1])

@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-import romdam
 from romdam.core.errors import ResultError
 from romdam.core.files import check_file, replacing
 from romdam.core.fingerprint import fingerprint
 from romdam.core.sealed import changing, reading, text_of
+from romdam.core.version import SOURCE
 from romdam.error.metrics import FLOOR, RelativeError
 from romdam.postprocess.checks import MISSED, verdict
 from romdam.postprocess.stated_errors import total_error
@@ -301,5 +301,5 @@ def _labels(path: Path) -> dict[str, str]:
 def _attach(path: Path, attributes: dict[str, object]) -> None:
     now = datetime.now(UTC).isoformat(timespec="seconds")
     with changing(path) as file:
-        line = f"{now}: error stated by romdam {romdam.__version__}"
+        line = f"{now}: error stated by {SOURCE}"
         file.attrs.update(attributes, history=f"{text_of(file, 'history')}\n{line}".strip())

@@ -17,10 +17,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-import romdam
 from romdam.config.load import Job
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.system import History
+from romdam.core.version import SOURCE
 from romdam.error.comparison import Comparison
 
 WANTED_ERRORS = (0.1, 0.05, 0.02, 0.01, 0.005)  # for which the cheapest setting is named
@@ -182,7 +182,7 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
         },
         attrs={
             "title": f"Speed against error: {job.config.title or job.path.stem}",
-            "source": f"romdam {romdam.__version__}",
+            "source": SOURCE,
             "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
             "machine": f"{_processor()}, {os.cpu_count()} cores",
             "configuration_file": job.path.name,
@@ -248,7 +248,7 @@ def study_table(dataset: xr.Dataset) -> str:
             error = f"{100 * dataset.l2_error.values[i]:.2g} %"
             short.append([f"{100 * wanted:g} %", str(dataset.setting.values[i]), *cpu, error])
     attrs = dataset.attrs
-    head = f"{attrs['title']}\n{attrs['compared']}\n{attrs['machine']}; romdam {romdam.__version__}\n"
+    head = f"{attrs['title']}\n{attrs['compared']}\n{attrs['machine']}; {SOURCE}\n"
     head += f"CPU s: scene, reduction and time loop ({attrs['timed_seconds']:g} s), what one record costs\n\n"
     return head + _markdown(rows) + "\n" + _markdown(short)
 

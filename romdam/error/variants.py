@@ -10,11 +10,11 @@ from functools import reduce
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.config.load import Job
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
+from romdam.core.version import SOURCE
 from romdam.error.metrics import magnitude_error
 from romdam.results.dataset import job_labels
 
@@ -98,7 +98,7 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
             whole[name].attrs = {"long_name": text} | ({"units": unit} if unit else {})
     first = next(iter(runs.values()))
     whole.attrs = job_labels(job) | {
-        "source": f"romdam {romdam.__version__}",
+        "source": SOURCE,
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "record": str(first.attrs["record"]),
         "machine": str(first.attrs["machine"]),

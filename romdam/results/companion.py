@@ -15,10 +15,10 @@ from pathlib import Path
 
 import h5py
 
-import romdam
 from romdam.core.errors import ResultError, WriteError, quote
 from romdam.core.files import private_folder
 from romdam.core.sealed import FAILURES, creating, examine, reading, text_of
+from romdam.core.version import SOURCE
 
 _DIGITS = 12
 _LOOKED_INTO = 2  # of the files of a kind, the newest: each is read whole, the arch dam's in 0.4 s of CPU
@@ -54,7 +54,7 @@ def write_companion_file(
             unnamed = private / f"{kind}.h5"
             with creating(unnamed, size) as file:
                 digest = fill(file)
-                file.attrs.update(format=layout, content_sha256=digest, source=f"romdam {romdam.__version__}")
+                file.attrs.update(format=layout, content_sha256=digest, source=SOURCE)
                 if made_of is not None:
                     file.attrs["made_of"] = made_of
             path = folder / f"{kind}-{digest[:_DIGITS]}.h5"

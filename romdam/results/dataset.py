@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.config.load import Job
 from romdam.config.plausible import check_assumptions
 from romdam.core.errors import ResultError
@@ -25,6 +24,7 @@ from romdam.core.fingerprint import code_digest
 from romdam.core.motion import AXES, GroundMotion
 from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
+from romdam.core.version import SOURCE
 from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
@@ -91,7 +91,7 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         attributes["upstream"] = upstream
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
-        "source": f"romdam {romdam.__version__}",
+        "source": SOURCE,
         "code_sha256": code_digest(),
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "record_dt": motion.dt,
@@ -209,7 +209,7 @@ def write_dataset(dataset: xr.Dataset, path: Path, final: FinalState | None = No
     }
     # the attributes of the dataset, and what CF wants besides
     attrs = dataset.attrs
-    source = attrs.get("source", f"romdam {romdam.__version__}")
+    source = attrs.get("source", SOURCE)
     created = attrs.get("date_created", datetime.now(UTC).isoformat(timespec="seconds"))
     of = f" from {attrs['configuration_file']}" if "configuration_file" in attrs else ""
     labels = {"source": source, "references": REFERENCES, "comment": SIGNS} | attrs

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.config.load import Job
 from romdam.core.arrays import Ints
 from romdam.core.csv_table import plain_number, read_table
 from romdam.core.errors import ResultError
 from romdam.core.scene import Scene
+from romdam.core.version import SOURCE
 from romdam.postprocess.measured_modes import MeasuredMode
 from romdam.results.dataset import job_labels, library_versions
 from romdam.results.vtu import mesh_of, write_vtu
@@ -69,7 +69,7 @@ def modes_dataset(scene: Scene, values: Mapping[str, Any], job: Job, joints: str
         )
     }
     labels = job_labels(job) | {
-        "source": f"romdam {romdam.__version__}",
+        "source": SOURCE,
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": library_versions(),
         "joints": joints,

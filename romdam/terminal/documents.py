@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import romdam
 from romdam.core.printable import printable
+from romdam.core.version import VERSION
 from romdam.error.statement import sentences
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def print_document(command: str, document: Document) -> None:
     ----------
     document : of plain values, numbers of NumPy and paths; what is not finite becomes null
     """
-    whole = {"romdam": romdam.__version__, "command": command, **document}
+    whole = {"romdam": VERSION, "command": command, **document}
     text = json.dumps(_plain(whole), indent=1, ensure_ascii=False, allow_nan=False)
     print("".join(c if c == "\n" or printable(c) == c else json.dumps(c)[1:-1] for c in text))
 

@@ -17,11 +17,11 @@ from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-import romdam
 from romdam.core.errors import RomdamError, WriteError
 from romdam.core.files import prepare_folder
 from romdam.core.printable import printable
 from romdam.core.threads import VARIABLES
+from romdam.core.version import SOURCE
 
 SAID = logging.getLogger("romdam.said")  # what a command has written to the terminal itself
 _STAMP = "%Y-%m-%dT%H:%M:%S%z"
@@ -111,7 +111,7 @@ def _new_file(folder: Path, name: str) -> Path:
 
 def _head(config: Path) -> Iterator[str]:
     """Head of a log: what is run, with what, where."""
-    yield f"romdam {romdam.__version__}, Python {platform.python_version()}, {platform.platform()}"
+    yield f"{SOURCE}, Python {platform.python_version()}, {platform.platform()}"
     yield f"command: {shlex.join(['romdam', *sys.argv[1:]])}"
     yield f"folder: {os.getcwd()}; configuration: {config.absolute()}"
     threads = ", ".join(f"{name}={os.environ[name]}" for name in VARIABLES if name in os.environ)

@@ -80,8 +80,8 @@ def other_romdam(folder: Path, version: str) -> str:
     shutil.copytree(root, folder / "romdam", ignore=shutil.ignore_patterns("__pycache__"))
     pipelines = import_module("romdam.pipelines").__path__[0]
     shutil.copytree(pipelines, folder / "romdam" / "pipelines", dirs_exist_ok=True)
-    init = folder / "romdam" / "__init__.py"
-    init.write_text(init.read_text().replace(romdam.__version__, version) + "# other\n")
+    stated = folder / "romdam" / "core" / "version.py"
+    stated.write_text(stated.read_text().replace(romdam.__version__, version) + "# other\n")
     return str(folder)
 
 

@@ -33,7 +33,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-import romdam
 from romdam.core.arrays import Floats
 from romdam.core.basis import Basis, BlockBasis
 from romdam.core.errors import ResultError, quote
@@ -41,6 +40,7 @@ from romdam.core.files import sweep_parts
 from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block
 from romdam.core.sealed import creating, reading, text_of
+from romdam.core.version import SOURCE
 from romdam.reduction.basis import Augmented, Dense, Mapped
 
 log = logging.getLogger(__name__)
@@ -290,7 +290,7 @@ class BlockStore:
         """
         self._prepare()
         with creating(self.path(key), basis.vectors.nbytes) as file:
-            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            file.attrs.update(key=key, source=SOURCE)
             write_block(file, block, basis)
         if isinstance(basis.vectors, Dense) and basis.vectors.nbytes >= _MAPPED:
             return replace(basis, vectors=self._written(key))
@@ -327,7 +327,7 @@ class BlockStore:
                 report=streamed.report,
                 massless=streamed.massless,
             )
-            file.attrs.update(key=key, source=f"romdam {romdam.__version__}")
+            file.attrs.update(key=key, source=SOURCE)
             _write_mesh_and_frequencies(file, block, basis)
         written = self._written(key)
         if contained is None:

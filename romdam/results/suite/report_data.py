@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.core.errors import ResultError
 from romdam.core.motion import GroundMotion
+from romdam.core.version import SOURCE
 from romdam.postprocess.record_measures import largest_psa
 from romdam.results.dataset import open_dataset
 
@@ -49,7 +49,7 @@ def report_data(
     }
     attributes = {
         "title": f"Data of the page of {summary.attrs.get('title', 'a suite')}",
-        "source": f"romdam {romdam.__version__}",
+        "source": SOURCE,
         "damping": DAMPING,
         "scaled": scaled,
         **{key: str(summary.attrs.get(key, "")) for key in _KEYS},

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-import romdam
 from romdam.core.arrays import Floats
 from romdam.core.fingerprint import code_digest
 from romdam.core.recorded import GAP_QUANTITIES
 from romdam.core.system import ENERGY_TERMS, OPEN, SLIP, History
+from romdam.core.version import SOURCE
 from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
 from romdam.postprocess.stress.summary import MEASURES as STRESS
@@ -32,7 +32,7 @@ _DIGITS = 12  # of the code's SHA-256, in the source of a row
 
 def source_of_rows() -> str:
     """Name the version, and the code, that rows are computed by now."""
-    return f"romdam {romdam.__version__}, code {code_digest()[:_DIGITS]}"
+    return f"{SOURCE}, code {code_digest()[:_DIGITS]}"
 
 
 @dataclass(frozen=True)

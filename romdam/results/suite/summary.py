@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.config.load import Job
 from romdam.config.sections.motions.target import NAMED
 from romdam.config.sections.suite import SuiteConfig
@@ -26,6 +25,7 @@ from romdam.core.errors import ResultError
 from romdam.core.fingerprint import fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.core.version import SOURCE
 from romdam.postprocess.hazard_of_response import with_hazard_of_response
 from romdam.postprocess.record_measures import MEASURES, analysed, earlier_records, measures_at_scales
 from romdam.postprocess.responses import RUNS, WITHIN
@@ -143,7 +143,7 @@ def summary_dataset(
     warnings = {r.name: list(r.motion.warnings) for r in records if r.motion and r.motion.warnings}
     attributes = {
         "title": job.config.title or job.path.stem,
-        "source": f"romdam {romdam.__version__}",
+        "source": SOURCE,
         "date_created": datetime.now(UTC).isoformat(timespec="seconds"),
         "configuration_file": job.path.name,
         "configuration": json.dumps(job.config.model_dump(mode="json")),

@@ -11,11 +11,11 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 
-import romdam
 from romdam.config.sections.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
+from romdam.core.version import SOURCE
 from romdam.postprocess.checks import NOT_JUDGED, run_checks
 from romdam.postprocess.maxima import (
     explained,
@@ -467,7 +467,7 @@ def reproduction_section(subject: RunSubject) -> Section:
         ["SHA-256 of the record", str(attrs.get("record_sha256", "–"))],
         ["run with", ", ".join([str(attrs["source"]), *(f"{name} {v}" for name, v in versions.items())])],
         ["machine", str(attrs.get("machine", "–"))],
-        ["report made with", f"romdam {romdam.__version__}"],
+        ["report made with", SOURCE],
     ]
     commands = (
         f"romdam run {Path(str(attrs['configuration_file'])).name} --out DIR\n{subject.command}".rstrip()

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import matplotlib as mpl
 import numpy as np
 
-import romdam
 from romdam.core.display_units import unit_text
+from romdam.core.version import SOURCE
 from romdam.postprocess.checks import MISSED, verdict
 from romdam.postprocess.responses import (
     RUNS,
@@ -288,7 +288,7 @@ def reproduction_section(subject: Subject) -> Section:
         ["its SHA-256", str(attrs.get("configuration_sha256", "–"))],
         ["SHA-256 of the samples", str(attrs.get("design_sha256", "–"))],
         ["summary made with", ", ".join(f"{name} {version}" for name, version in versions.items())],
-        ["page made with", f"romdam {romdam.__version__}"],
+        ["page made with", SOURCE],
     ]
     commands = f"romdam run {attrs.get('configuration_file', 'CONFIG')} --out DIR"
     if subject.topic.command:
