@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config, located, naming_lines
+from romdam.config.load import Job, Source, located, naming_lines
 from romdam.config.other_mesh import with_spacing
 from romdam.core.errors import RecordError, RomdamError, placed
 from romdam.core.system import System
@@ -20,6 +20,7 @@ from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.linear import check_linear_stage
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import (
@@ -43,6 +44,7 @@ from romdam.reduction.closed_joints import MOST, closed_frequencies
 from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
+from romdam.scene.found import extents_of_bodies
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.equilibrium import initial_state
 from romdam.timestepping.simulate import refuse_other_start
@@ -75,6 +77,7 @@ class Check:
     skipped : what a run looks at and this does not
     supports : name of each motion that supports have besides the base's -> plain numbers (where a station is
         [m], delay [s], factor, record)
+    bodies : where the blocks are that `mesh.bodies` makes, in words
     """
 
     blocks: dict[str, dict[str, object]]
@@ -90,6 +93,7 @@ class Check:
     solvers: tuple[str, ...]
     skipped: tuple[str, ...]
     supports: dict[str, dict[str, object]] = field(default_factory=dict)
+    bodies: tuple[str, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -275,6 +279,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
             }
             for motion in (() if scene.moving is None else scene.moving.motions)
         },
+        bodies=tuple(extents_of_bodies(job.config, scene.blocks)),
     )
 
 

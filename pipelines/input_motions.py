@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config, located
+from romdam.config.load import Job, Source, located
 from romdam.config.sections.motions.records import LONGEST_DT, SHORTEST_DT
 from romdam.core.errors import RecordError, quote
 from romdam.core.motion import GroundMotion
+from romdam.pipelines.jobs import load_config
 from romdam.records.plausible import too_strong
 from romdam.records.processing.offset import doubt_drift
 from romdam.records.record_set import Loaded, check_names, load_motions, load_records, write_choice

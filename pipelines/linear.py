@@ -12,7 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.linear_stage import refuse_linear_stage
-from romdam.config.load import Job, Source, load_config, naming_lines, with_lines
+from romdam.config.load import Job, Source, naming_lines, with_lines
 from romdam.config.other_mesh import with_spacing
 from romdam.config.sections.linear_stage import LinearStageConfig
 from romdam.core.errors import ConfigError, placed
@@ -25,6 +25,7 @@ from romdam.effects.added_mass import added_mass
 from romdam.fem.stress import stress_operators
 from romdam.pipelines.input_motions import records_of
 from romdam.pipelines.job_warnings import log_warnings, with_scene_warnings
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Goal, Stage, draw, run_motion, silent, usable_motions, write_shared
 from romdam.pipelines.simulation import Model, as_run, prepare

@@ -9,12 +9,13 @@ from typing import Literal
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config, naming_lines, with_lines
+from romdam.config.load import Job, Source, naming_lines, with_lines
 from romdam.core.errors import ConfigError, ResultError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
 from romdam.core.threads import one_thread
 from romdam.linalg.solvers import Solving
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.postprocess.measured_modes import match_modes
 from romdam.reduction.natural_modes import natural_modes

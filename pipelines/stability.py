@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from romdam.config.effects import refuse_unknown_effects
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.config.sections.post_earthquake import PostEarthquakeConfig
 from romdam.config.variants import changed_job
 from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
+from romdam.pipelines.jobs import load_config, looked_up
 from romdam.pipelines.run import Stage, run, silent
 from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.stability import (
@@ -196,4 +197,6 @@ def job_after(
     if job.config.model.order == "reduced":
         changes["model"] = {"modes": _MODES}
     changes |= dict(sample or {})
-    return changed_job(job, changes | asked.changes | state, (_SECTION, "changes"), left_out=left_out)
+    return looked_up(
+        changed_job(job, changes | asked.changes | state, (_SECTION, "changes"), left_out=left_out)
+    )

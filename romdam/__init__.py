@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from romdam.core.version import VERSION as __version__
 
 if TYPE_CHECKING:
-    from romdam.config.load import Job, load_config
+    from romdam.config.load import Job
     from romdam.config.sections.job import Config
     from romdam.core.errors import (
         ConfigError,
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.error.two_results import compare_results
     from romdam.pipelines.error.verify import verify
     from romdam.pipelines.input_motions import read_motions
+    from romdam.pipelines.jobs import load_config
     from romdam.pipelines.modes import ModesOptions, modes
     from romdam.pipelines.run import Outcome, run
     from romdam.pipelines.suites.run import SuiteOptions, SuiteOutcome, run_suite
@@ -54,7 +55,7 @@ __all__ = [
 _LAZY = {
     name: module
     for module, names in {
-        "romdam.config.load": ("Job", "load_config"),
+        "romdam.config.load": ("Job",),
         "romdam.config.sections.job": ("Config",),
         "romdam.core.errors": (
             "ConfigError", "ConvergenceError", "MeshError", "RecordError", "ReductionError", "ResultError",
@@ -69,6 +70,7 @@ _LAZY = {
         "romdam.pipelines.error.two_results": ("compare_results",),
         "romdam.pipelines.error.verify": ("verify",),
         "romdam.pipelines.input_motions": ("read_motions",),
+        "romdam.pipelines.jobs": ("load_config",),
         "romdam.pipelines.modes": ("ModesOptions", "modes"),
         "romdam.pipelines.run": ("Outcome", "run"),
         "romdam.pipelines.suites.run": ("SuiteOptions", "SuiteOutcome", "run_suite"),

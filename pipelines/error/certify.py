@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from romdam.config.effects import acting_effects, refuse_unknown_effects
-from romdam.config.load import Job, load_config, parse_config
+from romdam.config.load import Job, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
 from romdam.core.fingerprint import code_digest
@@ -34,6 +34,7 @@ from romdam.error.estimate import WINDOW
 from romdam.error.replay import Replayed, corrected_run, measure_defect
 from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent
 from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.variants import comparison_of, variant_jobs
 from romdam.core.errors import ConfigError, ResultError, RomdamError, listed
 from romdam.core.files import prepare_folder, replacing
 from romdam.error.variants import comparison_dataset
 from romdam.pipelines.input_motions import records_of
+from romdam.pipelines.jobs import load_config, looked_up
 from romdam.pipelines.run import Clock, Stage, run, silent
 from romdam.postprocess.variant_tables import Table, markdown, variant_tables
 from romdam.results.dataset import write_dataset
@@ -78,7 +79,8 @@ def comparable_variants(job: Job) -> tuple[ComparisonConfig, dict[str, Job]]:
     RomdamError
         where a variant's keys are wrong, or it cannot be compared.
     """
-    asked, jobs = comparison_of(job), variant_jobs(job)
+    asked = comparison_of(job)
+    jobs = {name: looked_up(variant) for name, variant in variant_jobs(job).items()}
     for name, variant in jobs.items():
         _refuse(name, variant, asked)
     return asked, jobs

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
@@ -17,6 +17,7 @@ from romdam.error.statement import ErrorStatement, write_verification
 from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.error.sibling import run_with_stress, sibling_jobs, with_stress
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import (
     Clock,

@@ -12,7 +12,7 @@ from pathlib import Path
 import xarray as xr
 
 from romdam.config.coupling import couplings
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.config.study_meshes import MeshVariant, reference_meshes, studied_meshes
 from romdam.core.errors import ConfigError, ConvergenceError, MeshError, ReductionError, placed
 from romdam.core.files import prepare_folder, replacing
@@ -27,6 +27,7 @@ from romdam.error.statement import percent
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion, source_step

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
@@ -22,6 +22,7 @@ from romdam.error.verification import VerifiedRun, against_reference, full_order
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import (

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.load import Job, Source, load_config, naming_lines
+from romdam.config.load import Job, Source, naming_lines
 from romdam.core.counted import Counted
 from romdam.core.errors import placed
 from romdam.core.files import prepare_folder, private_folder, sweep_parts
 from romdam.core.html.card import card
 from romdam.core.threads import one_thread
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shared
 from romdam.pipelines.stresses import stress_fields
 from romdam.pipelines.suites.cluster import Pool, open_pool

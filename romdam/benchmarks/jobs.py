@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from romdam.config.load import Job, load_config
+from romdam.config.load import Job
 from romdam.core.arrays import Bools, Floats
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import run
 from romdam.reduction.natural_modes import NaturalModes, natural_modes
 from romdam.scene.build import build_scene

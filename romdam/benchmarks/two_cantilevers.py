@@ -10,7 +10,7 @@ import numpy as np
 
 from romdam import examples
 from romdam.benchmarks.case import Case, Quantity
-from romdam.config.load import load_config
+from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import run
 
 PROGRAM = "independent program: all 4,200 modes, joint force implicit, step of 3.9e-5 s"

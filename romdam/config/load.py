@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial, wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -236,9 +236,30 @@ def load_config(source: Source, folder: str | Path | None = None) -> Job:
     return _sound(Job(parse_config(raw, str(path), partial(line_of, path)), path, renamed))
 
 
+def with_found(job: Job, fill: Callable[[dict[str, Any]], None]) -> Job:
+    """The job with what its meshes say in the place of keys that say "all that is there" (`Config.unfound`).
+
+    Parameters
+    ----------
+    fill : puts it into the mapping of the configuration, in SI
+
+    Raises
+    ------
+    ConfigError
+        for names that are then wrong.
+    """
+    raw = job.to_dict()
+    fill(raw)
+    line = partial(line_of, job.file) if job.given is None and job.file.is_file() else None
+    return _sound(replace(job, config=parse_config(raw, str(job.path), line, job.folder, si=True)))
+
+
 def _sound(job: Job) -> Job:
-    """The job, once its suite is known to vary what can be varied, whether its pipeline is a suite or not."""
-    if job.config.suite is not None:
+    """The job, once its suite is known to vary what can be varied, whether its pipeline is a suite or not.
+
+    That of joints and blocks that are not found yet is judged once they are.
+    """
+    if job.config.suite is not None and not job.config.unfound:
         try:
             refuse_unvaried(job.config, str(job.path))
         except ConfigError as error:

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.effects import has_viscous_boundary
-from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.config.sections.loads import InitialStateConfig
 from romdam.core.errors import ConfigError
@@ -17,18 +15,14 @@ from romdam.core.scene import (
     Block,
     FacePressure,
     Hydrostatic,
-    Material,
     PointForce,
     Probe,
     Scene,
 )
-from romdam.geometry.arch_dam.generator import Dam, arch_dam
-from romdam.geometry.boxes import box_block
-from romdam.geometry.cutting.pieces import cut_block
-from romdam.geometry.gravity_dam import gravity_dam
-from romdam.geometry.matrices.block import held_by, refuse_unreached, with_matrices
+from romdam.geometry.matrices.block import held_by, refuse_unreached
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.sizes import refuse_large
+from romdam.scene.blocks import dam_of, materials_of, named_blocks
 from romdam.scene.construction import construction_stages, stage_temperatures
 from romdam.scene.force_histories import build_force_histories
 from romdam.scene.ground.free_field import free_field
@@ -65,15 +59,14 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     MeshError
         for mesh files, and for joints whose meshes do not conform.
     """
+    if config.unfound:
+        raise ConfigError(
+            f"{source}: {config.unfound[0]}: what is there has not been looked up; take `romdam.load_config`"
+        )
     refuse_large(config, source)
-    materials = {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
-    dam, absorbs = Dam({}, (), {}, frozenset()), has_viscous_boundary(config)
-    if config.gravity_dam:
-        dam = gravity_dam(config.gravity_dam, materials, f"{source}: gravity_dam", absorbs=absorbs)
-    elif config.arch_dam:
-        dam = arch_dam(config.arch_dam, materials, f"{source}: arch_dam", absorbs=absorbs)
-    files = MeshFiles(folder)
-    blocks = dam.blocks | _blocks(config, materials, files, dam.blocks, source)
+    materials, files = materials_of(config), MeshFiles(folder)
+    dam = dam_of(config, materials, source)
+    blocks = dam.blocks | named_blocks(config, materials, files, dam.blocks, source)
     rock = rock_of(config.ground, dam.viscous)
     blocks = with_viscous_faces(blocks, (*config.ground.viscous, *dam.viscous), rock, source)
     waves = config.ground.input == "free_field"
@@ -127,10 +120,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         )
     stages, changes = stage_temperatures(config, blocks, files, source)
     weightless = [
-        piece
-        for name, block in config.blocks.items()
-        if not block.weight
-        for piece in pieces_of(name, config.cut)
+        piece for name, block in config.blocks.items() if not block.weight for piece in config.made_of(name)
     ]
     scene = Scene(
         blocks=blocks,
@@ -181,37 +171,6 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         if water.level > top
     ]
     return replace(scene, remarks=(*remarks, *overtopped))
-
-
-def _blocks(
-    config: Config,
-    materials: dict[str, Material],
-    files: MeshFiles,
-    of_dam: dict[str, Block],
-    source: str,
-) -> dict[str, Block]:
-    """Blocks that the section `blocks` names; a block of the dam gets the material that stands there."""
-    blocks: dict[str, Block] = {}
-    for name, section in config.blocks.items():
-        location = f"{source}: blocks.{name}"
-        material = materials[section.material].with_mass(section.mass)
-        if section.box is not None:
-            block = box_block(name, section.box, material, f"{location}.box")
-        elif section.mesh is not None:
-            block = files.block(name, section.mesh, material, f"{location}.mesh")
-        else:
-            block = replace(of_dam[name], material=material)
-        if section.matrices is not None:
-            numbered = None if section.mesh is None else files.numbered(section.mesh)
-            supported = any(support.block == name for support in config.supports)
-            block = with_matrices(
-                block, section.matrices, files.folder, numbered, f"{location}.matrices", supported=supported
-            )
-        if name in config.cut:
-            blocks |= cut_block(block, config.cut, files.folder, source)
-        else:
-            blocks[name] = block
-    return blocks
 
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:

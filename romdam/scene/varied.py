@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK
-from romdam.config.sections.geometry.cut import pieces_of
 from romdam.config.sections.job import Config
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.crack_water import CrackWater
@@ -102,7 +101,7 @@ def block_materials(config: Config) -> dict[str, str]:
         for zone, rock_zone in arch.rock.zones.items() if arch.rock else ():
             names[f"{ROCK}_{zone}"] = rock_zone.material
     for name, section in config.blocks.items():
-        names |= dict.fromkeys(pieces_of(name, config.cut), section.material)
+        names |= dict.fromkeys(config.made_of(name), section.material)
     return names
 
 

@@ -103,6 +103,7 @@ def check_document(check: Check, config: Path) -> Document:
             }
             for name, joint in check.joints.items()
         },
+        "bodies": check.bodies,
         "ties": {
             name: {
                 "between": str(tie["between"]).split(" - "),

@@ -37,6 +37,7 @@ def check_lines(check: Check) -> list[str]:
             if closed
             else []
         ),
+        *check.bodies,
         *check.solvers,
         *_support_lines(check),
         f"{check.unknowns} unknowns; {time_text}, "

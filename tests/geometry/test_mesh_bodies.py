@@ -91,7 +91,7 @@ def test_bodies_that_touch_in_one_block_are_refused_with_the_key_that_takes_them
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw))
     code, _, err = call("check", tmp_path / "job.yaml")
     assert code == 2
-    assert "make its 2 bodies blocks of their own by `mesh.body`, with joints or ties: 1 (x 0..2, " in err
+    assert "make its 2 bodies blocks of their own by `mesh.bodies: auto`, with joints or ties: 1 (x" in err
 
 
 def test_bodies_are_counted_along_x_then_y_then_z():

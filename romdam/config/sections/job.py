@@ -14,6 +14,7 @@ from romdam.config.coupling import couplings, refuse_coupled
 from romdam.config.effects import refuse_excluded
 from romdam.config.linear_stage import refuse_linear_stage
 from romdam.config.names import Name
+from romdam.config.patterns import patterns_in
 from romdam.config.quantities import (
     AngularFrequency,
     Density,
@@ -32,9 +33,16 @@ from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.cut import CutConfig, pieces_of, refuse_wrong_cuts
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig, joint_between
 from romdam.config.sections.geometry.matrices import MatricesConfig, refuse_wrong_matrices
-from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import BlockMeshConfig
 from romdam.config.sections.ground import GroundConfig, refuse_wrong_ground
-from romdam.config.sections.joints import JointConfig, JointProperties, TieConfig
+from romdam.config.sections.joints import (
+    TOUCHING,
+    JointConfig,
+    JointProperties,
+    JointSections,
+    TieConfig,
+    TouchingConfig,
+)
 from romdam.config.sections.linear_stage import LinearStageConfig
 from romdam.config.sections.loads import LoadsConfig
 from romdam.config.sections.motions.records import RecordConfig
@@ -102,7 +110,7 @@ class BlockConfig(Model):
     weight: bool = True
     """Gravity acts on the block."""
     box: BoxConfig | None = None
-    mesh: MeshFileConfig | None = None
+    mesh: BlockMeshConfig | None = None
     matrices: MatricesConfig | None = None
 
     @property
@@ -117,6 +125,10 @@ class BlockConfig(Model):
         if self.matrices is not None and not self.mass:
             raise ValueError(
                 "`mass: false` is for blocks that are assembled, and `matrices` has a mass; leave it out"
+            )
+        if self.matrices is not None and self.mesh is not None and self.mesh.bodies is not None:
+            raise ValueError(
+                "`matrices` are of one block, and `mesh.bodies` makes several; name one body by `mesh.body`"
             )
         if self.matrices is not None and self.mesh is not None and self.mesh.refine:
             raise ValueError("`mesh.refine` is for blocks that are assembled, and `matrices` has its nodes")
@@ -253,7 +265,7 @@ class Config(Model):
     materials: dict[Name, MaterialConfig]
     supports: tuple[SupportConfig, ...] = ()
     ground: GroundConfig = GroundConfig()
-    joints: dict[Name, JointConfig] = Field(default_factory=dict)
+    joints: JointSections = Field(default_factory=dict)
     ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     construction: tuple[ConstructionStageConfig, ...] = ()
@@ -283,8 +295,34 @@ class Config(Model):
     def block_names(self) -> tuple[str, ...]:
         """Every block, those of such a dam first."""
         dam_blocks = self.dam.block_names if self.dam else ()
-        pieces = (piece for name in self.blocks for piece in pieces_of(name, self.cut))
-        return tuple(dict.fromkeys((*dam_blocks, *pieces)))
+        made = (piece for name in self.blocks for piece in self.made_of(name))
+        return tuple(dict.fromkeys((*dam_blocks, *made)))
+
+    def made_of(self, section: str) -> tuple[str, ...]:
+        """The blocks that a section of `blocks` becomes: its bodies, each of them cut if it is."""
+        return tuple(piece for body in self._bodies_of(section) for piece in pieces_of(body, self.cut))
+
+    def _bodies_of(self, section: str) -> tuple[str, ...]:
+        mesh = self.blocks[section].mesh
+        return (mesh.names if mesh is not None else ()) or (section,)
+
+    @property
+    def touching(self) -> TouchingConfig | None:
+        """The section of the joints between all that touches, if any."""
+        section = self.joints.get(TOUCHING)
+        return section if isinstance(section, TouchingConfig) else None
+
+    @property
+    def unfound(self) -> tuple[str, ...]:
+        """Keys that say "all that is there", and what that is has not been looked up in the meshes yet."""
+        bodies = (
+            f"blocks.{name}.mesh.bodies"
+            for name, block in self.blocks.items()
+            if block.mesh is not None and block.mesh.bodies == "auto"
+        )
+        touching = self.touching
+        pairs = (f"joints.{TOUCHING}",) if touching is not None and touching.pairs is None else ()
+        return (*bodies, *pairs, *patterns_in(self))
 
     @property
     def every_joint(self) -> dict[str, JointConfig]:
@@ -296,7 +334,14 @@ class Config(Model):
                 generated |= {
                     name: joint_between(pair, template) for name, pair in section.joint_pairs.items()
                 }
-        return generated | self.joints
+        touching = self.touching
+        if touching is not None:
+            generated |= {
+                name: joint_between(pair, touching) for name, pair in (touching.pairs or {}).items()
+            }
+        return generated | {
+            name: joint for name, joint in self.joints.items() if isinstance(joint, JointConfig)
+        }
 
     @property
     def joint_places(self) -> dict[str, tuple[str, ...]]:
@@ -306,6 +351,8 @@ class Config(Model):
             places |= {
                 f"gravity_dam.joints.{kind}": of for kind, of in self.gravity_dam.joints_of_kinds.items()
             }
+        if self.touching is not None and self.touching.pairs:
+            places[f"joints.{TOUCHING}"] = tuple(self.touching.pairs)
         if self.arch_dam and self.arch_dam.joint_pairs:
             places["arch_dam.joints"] = tuple(self.arch_dam.joint_pairs)
         return places | {
@@ -314,6 +361,14 @@ class Config(Model):
 
     @model_validator(mode="after")
     def _references(self, info: ValidationInfo) -> Self:
+        self._refuse_no_blocks(of_sample=bool((info.context or {}).get(OF_SAMPLE)))
+        for name, block in self.blocks.items():
+            self._known(f"blocks.{name}.material", block.material, self.materials)
+        if not self.unfound:  # else names of blocks and joints are known once they are found
+            self._refuse_wrong_references()
+        return self
+
+    def _refuse_wrong_references(self) -> None:
         if self.model.order == "full" and self.transient.finest_step is None:
             raise ValueError(
                 "transient.finest_step is missing; a full-order model needs a step, `accuracy` is for "
@@ -326,7 +381,6 @@ class Config(Model):
         self._refuse_state_of_no_such_model()
         self._refuse_damping_that_the_integrator_does_not_know()
         blocks = frozenset(self.block_names)
-        self._refuse_no_blocks(of_sample=bool((info.context or {}).get(OF_SAMPLE)))
         self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
@@ -340,16 +394,14 @@ class Config(Model):
         refuse_coupled(couplings(self), self.transient.integrator, varied)
         several = len(self.records) > 1 or self.pipeline == "suite"
         refuse_wrong_motions(self.supports, self.ground.along, self.transient, several)
-        for name, block in self.blocks.items():
-            self._known(f"blocks.{name}.material", block.material, self.materials)
         for i, support in enumerate(self.supports):
             self._known(f"supports[{i}].block", support.block, blocks)
         for key, name in self.ground.named.items():
             self._known(f"ground.{key}", name, blocks)
-        for kind, pairs in (("joints", self.joints), ("ties", self.ties)):
-            for name, pair in pairs.items():
-                for block_name in pair.between:
-                    self._known(f"{kind}.{name}.between", block_name, blocks)
+        named = [(f"joints.{n}", j.between) for n, j in self.joints.items() if isinstance(j, JointConfig)]
+        for key, between in (*named, *((f"ties.{name}", tie.between) for name, tie in self.ties.items())):
+            for block_name in between:
+                self._known(f"{key}.between", block_name, blocks)
         for i, pressure in enumerate(self.loads.pressure):
             self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
         for i, water in enumerate(self.loads.hydrostatic):
@@ -386,7 +438,6 @@ class Config(Model):
                 self._known(f"comparison.relative.{name}", node_name, self.outputs.nodes)
         for i, face in enumerate(self.water.faces if self.water else ()):
             self._known(f"water.faces[{i}].block", face.block, blocks)
-        return self
 
     def _refuse_floors_without_nodes(self) -> None:
         asked, nodes = self.outputs.floor_spectra, self.outputs.nodes
@@ -454,14 +505,35 @@ class Config(Model):
             if name in self.blocks and not self.blocks[name].of_dam:
                 raise ValueError(f"blocks.{name}: {key} makes a block of that name; rename this one")
         refuse_wrong_matrices(self, dam.block_names if dam else ())
-        refuse_wrong_cuts(self.cut, self.blocks, dam.block_names if dam else ())
+        self._refuse_bodies_of_taken_names()
+        bodies = [body for name in self.blocks for body in self._bodies_of(name)]
+        if not self.unfound:
+            refuse_wrong_cuts(self.cut, bodies, dam.block_names if dam else ())
         makers = dict.fromkeys(dam.joint_pairs if dam else (), key)
         makers |= {name: f"cut.{whole}" for whole, cut in self.cut.items() for name in cut.joint_pairs}
-        for name in self.joints:
+        touching = self.touching
+        makers |= dict.fromkeys((touching.pairs if touching else None) or {}, f"joints.{TOUCHING}")
+        for name, section in self.joints.items():
+            if isinstance(section, TouchingConfig) and name != TOUCHING:
+                raise ValueError(
+                    f"joints.{name}.pairs: is of joints.{TOUCHING}, the joints of all that touches; give "
+                    "`between`, the names of two blocks"
+                )
             if name in makers and not of_sample:
                 raise ValueError(f"joints.{name}: {makers[name]} makes a joint of that name; rename this one")
         for inner, material in (dam.materials if dam else {}).items():
             self._known(f"{key}.{inner}", material, self.materials)
+
+    def _refuse_bodies_of_taken_names(self) -> None:
+        seen = dict[str, str]()
+        for name in self.blocks:
+            for body in self._bodies_of(name):
+                other = seen.setdefault(body, name)
+                if other != name or self._bodies_of(name).count(body) > 1:
+                    raise ValueError(
+                        f"blocks.{name}.mesh.bodies: the name {quote(body)} is that of another block or "
+                        "body; rename one of the two"
+                    )
 
     def _refuse_damping_that_the_integrator_does_not_know(self) -> None:
         name = self.transient.integrator

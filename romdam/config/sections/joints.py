@@ -6,10 +6,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, Tag, ValidationError, ValidationInfo, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
 
 from romdam.config.base import Model, by_shape
 from romdam.config.explain import explain
+from romdam.config.names import Name
 from romdam.config.quantities import Dimensionless, Length
 from romdam.config.sections.joint_laws import JointLaws, UserLaw, read_user_laws
 from romdam.config.sections.places import Direction, Tolerance
@@ -189,6 +198,49 @@ class JointConfig(JointProperties):
     def _two_blocks(self) -> Self:
         refuse_twice(self.between)
         return self
+
+
+class TouchingConfig(JointProperties):
+    """Joints between all blocks that touch and that neither a joint nor a tie is between.
+
+    Their names are those of their blocks, `<a>-<b>`, in the order of the blocks.
+    """
+
+    pairs: dict[Name, tuple[str, str]] | None = None
+    """Names of the joints, and the blocks that they part; found where the key is left out."""
+
+
+TOUCHING = "touching"  # among `joints`: the joints of all that touches
+
+
+def _unlike_pairs(joints: Any) -> Any:
+    """What stands in `joints`, with the section `touching` marked as that of all that touches."""
+    if not isinstance(joints, dict):
+        return joints
+    section = joints.get(TOUCHING)
+    if not isinstance(section, dict) or "between" in section:
+        return joints
+    return joints | {TOUCHING: {"pairs": None} | section}
+
+
+def _kind_of_joint(value: Any) -> str:
+    if isinstance(value, Model):
+        return type(value).__name__
+    of_all = isinstance(value, dict) and "pairs" in value
+    return TouchingConfig.__name__ if of_all else JointConfig.__name__
+
+
+JointSections = Annotated[
+    dict[
+        Name,
+        Annotated[
+            Annotated[JointConfig, Tag(JointConfig.__name__)]
+            | Annotated[TouchingConfig, Tag(TouchingConfig.__name__)],
+            Discriminator(_kind_of_joint),
+        ],
+    ],
+    BeforeValidator(_unlike_pairs),
+]
 
 
 class TieConfig(Model):

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from romdam.config.quantities import to_si
-from romdam.config.sections.geometry.mesh_file import MeshFileConfig
+from romdam.config.sections.geometry.mesh_file import BlockMeshConfig, MeshFileConfig
 from romdam.core.errors import MeshError
 from romdam.core.files import check_file
 from romdam.core.scene import Block, Bools, Ints, Material
 from romdam.geometry.elements import ELEMENT_OF_CELL, ELEMENTS, SOLIDS, facet_frame
 from romdam.geometry.facets import all_facets, boundary_facets, facet_keys, row_numbers
-from romdam.geometry.meshes.bodies import cells_of_body
+from romdam.geometry.meshes.bodies import Bodies, bodies_text, find_bodies
 from romdam.geometry.meshes.data import EVERYTHING, LARGEST, MeshFile, Numbered
 from romdam.geometry.meshes.formats.abaqus import read_abaqus
 from romdam.geometry.meshes.formats.ansys import read_ansys
@@ -64,6 +64,45 @@ class MeshFiles:
         self.node_numbers: dict[str, Ints] = {}
         self._read: dict[Path, MeshFile] = {}
         self._used: dict[Path, list[Bools]] = {}
+        self._bodies: dict[tuple[Path, str], Bodies] = {}
+
+    def bodies(self, config: MeshFileConfig, location: str) -> Bodies:
+        """The bodies of one group of a file; their boxes are in the file's unit.
+
+        Raises
+        ------
+        MeshError
+            for a file that cannot be read, and a missing group.
+        """
+        path = self.folder / config.file
+        file = self._file(path, location)
+        label, members = _members(file, config.group, path, location)
+        if (path, label) not in self._bodies:
+            if not _solids(file, members):
+                raise MeshError(f"{location}.file: {path} has no solid elements, and so no bodies")
+            self._bodies[path, label] = find_bodies(file, members)
+        return self._bodies[path, label]
+
+    def blocks(self, name: str, config: BlockMeshConfig, material: Material, location: str) -> list[Block]:
+        """The blocks of one section: one of its name, or one for each body.
+
+        Raises
+        ------
+        MeshError
+            as `block`, and for another number of bodies than names of them.
+        """
+        if not config.names:
+            return [self.block(name, config, material, location)]
+        bodies = self.bodies(config, location)
+        if len(bodies.boxes) != len(config.names):
+            raise MeshError(
+                f"{location}.bodies: {self.folder / config.file} has {bodies.counted} in this block, and "
+                f"{len(config.names)} are named: {bodies_text(bodies.boxes)}, in the file's unit"
+            )
+        return [
+            self.block(body, config.model_copy(update={"body": number}), material, location)
+            for number, body in enumerate(config.names, 1)
+        ]
 
     def block(self, name: str, config: MeshFileConfig, material: Material, location: str) -> Block:
         """Make a block of the cells of one group of a file, in metres; nodes of other groups are left out.
@@ -83,17 +122,19 @@ class MeshFiles:
         """
         path = self.folder / config.file
         scale = to_si(f"1 {config.unit}", "m")
-        if path not in self._read:
-            file = self._read[path] = read_mesh_file(path, f"{location}.file")
-            self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
-            self.remarks += [f"{path}: {remark}" for remark in file.remarks]
-        file = self._read[path]
+        file = self._file(path, location)
         if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
             taken = "all groups" if config.group is None else f"group {config.group!r}"
             self.remarks.append(f"{path}: block {name!r} takes {taken}, and there is a group {name!r} too")
         label, members = _members(file, config.group, path, location)
         if config.body is not None:
-            members = cells_of_body(file, members, config.body, f"{location}.body: {path}")
+            bodies = self.bodies(config, location)
+            if config.body > len(bodies.boxes):
+                raise MeshError(
+                    f"{location}.body: {path} has {bodies.counted} in this block, no number {config.body}: "
+                    f"{bodies_text(bodies.boxes)}, in the file's unit"
+                )
+            members = bodies.members(config.body, members)
         file.refuse_unsound(label, members, 3, f"{location}.file: {path}")
         if label != EVERYTHING and label in file.left_out:
             self.remarks.append(f"{path}: group {label!r} holds {file.left_out[label]} too, left out")
@@ -120,6 +161,14 @@ class MeshFiles:
         for _ in range(config.refine):
             block = refine(block, f"{location}.refine")
         return block
+
+    def _file(self, path: Path, location: str) -> MeshFile:
+        """A file, which is read the first time."""
+        if path not in self._read:
+            file = self._read[path] = read_mesh_file(path, f"{location}.file")
+            self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
+            self.remarks += [f"{path}: {remark}" for remark in file.remarks]
+        return self._read[path]
 
     def numbered(self, config: MeshFileConfig) -> Numbered:
         """The numbered nodes in the file of a block that has been made."""
@@ -288,8 +337,8 @@ def _cells(file: MeshFile, members: list[Ints], left_out: str, location: str) ->
     if not (mixed := mixed_cells(tables)):
         raise MeshError(
             f"{location} mixes elements in this block ({listed}); a block takes linear elements "
-            "or those with mid-edge nodes, hexahedron27 apart; put the others into groups and blocks of "
-            "their own, tied by joints"
+            "or those with mid-edge nodes, hexahedron27 apart; let `mesh.bodies: auto` make a block of each, "
+            "with ties or joints, or put the others into groups and blocks of their own"
         )
     return mixed
 

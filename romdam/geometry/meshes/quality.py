@@ -64,8 +64,8 @@ def refuse_bad_cells(block: Block, location: str) -> None:
         apart_by = "make it two blocks with a joint or a tie"
         if len(boxes) > 1:
             apart_by = (
-                f"make its {len(boxes)} bodies blocks of their own by `mesh.body`, with joints or ties: "
-                f"{bodies_text(boxes)} [m]"
+                f"make its {len(boxes)} bodies blocks of their own by `mesh.bodies: auto`, with joints or "
+                f"ties: {bodies_text(boxes)} [m]"
             )
         raise MeshError(
             f"{location}: {len(pairs)} pairs of nodes of block {block.name!r} coincide (nodes {first} and "
@@ -77,7 +77,7 @@ def refuse_bad_cells(block: Block, location: str) -> None:
     if pieces > 1:
         log.warning(
             "%s: block %r is in %d pieces that share no face (at most edges or nodes); make them blocks of "
-            "their own (those that share no node by `mesh.body`), or mesh them together",
+            "their own (those that share no node by `mesh.bodies: auto`), or mesh them together",
             location, block.name, pieces,
         )  # fmt: skip
 

@@ -368,4 +368,5 @@ class GravityDamConfig(Model):
 
 def joint_between(pair: tuple[str, str], properties: JointProperties) -> JointConfig:
     """The joint of two blocks with properties that stand elsewhere."""
-    return JointConfig(between=pair, **{key: getattr(properties, key) for key in properties.model_fields_set})
+    keys = properties.model_fields_set & JointProperties.model_fields.keys()
+    return JointConfig(between=pair, **{key: getattr(properties, key) for key in keys})

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, Tag, model_validator
 
-from romdam.config.base import Model
+from romdam.config.base import Model, by_shape
+from romdam.config.names import Name
 from romdam.config.quantities import Whole
 from romdam.config.sections.geometry.refinement import Refinements
 from romdam.config.sections.places import LengthUnit
@@ -27,3 +28,32 @@ class MeshFileConfig(Model):
     """Unit of the coordinates."""
     refine: Refinements = 0
     """Number of times that every cell is cut into eight; edges of quadratic cells stay curved."""
+
+
+class BlockMeshConfig(MeshFileConfig):
+    """A block read from a mesh file, or a block for each body of it.
+
+    With `bodies: auto` the bodies of block `dam` are the blocks `dam.1`, `dam.2`, ... along x, then y, then
+    z; with a list they have its names. A body shares no node with the rest; elements of one order make it.
+    """
+
+    bodies: (
+        Annotated[
+            Annotated[Literal["auto"], Tag("word")]
+            | Annotated[tuple[Name, ...], Field(min_length=1), Tag("list")],
+            by_shape('"auto", or the names of the bodies such as [left, right]', "auto"),
+        ]
+        | None
+    ) = None
+    """Blocks for all bodies that share no node: auto, `<block>.1`, `<block>.2`, ...; or their names."""
+
+    @model_validator(mode="after")
+    def _one_or_all(self) -> Self:
+        if self.bodies is not None and self.body is not None:
+            raise ValueError("`body` takes one body and `bodies` takes all; leave one of the two out")
+        return self
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies that become blocks; empty where the whole is one, or they are not found yet."""
+        return self.bodies if isinstance(self.bodies, tuple) else ()
