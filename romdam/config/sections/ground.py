@@ -20,7 +20,7 @@ class ViscousConfig(Model):
     """
 
     block: str
-    """A name of `blocks`, with mass."""
+    """A name of `blocks`, with mass, or a pattern such as `rock.*` for all that have the faces."""
     faces: Annotated[tuple[FaceRef, ...], Field(min_length=1)]
     """Names of faces of the block, or planes."""
     distance: Annotated[Length, Field(gt=0.0)] | None = None

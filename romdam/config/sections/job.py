@@ -266,6 +266,7 @@ class Config(Model):
     supports: tuple[SupportConfig, ...] = ()
     ground: GroundConfig = GroundConfig()
     joints: JointSections = Field(default_factory=dict)
+    """Joints by name; that of the name `touching` stands for all between blocks that touch."""
     ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
     construction: tuple[ConstructionStageConfig, ...] = ()

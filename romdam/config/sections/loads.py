@@ -34,7 +34,7 @@ class PressureConfig(Model):
     """Pressure on a face, positive into the block."""
 
     block: str
-    """A name of `blocks`."""
+    """A name of `blocks`, or a pattern such as `dam.*` for all that have the face."""
     face: FaceRef
     """Name of a face of the block, or a plane."""
     value: Pressure
@@ -204,7 +204,7 @@ class TemperatureConfig(Model):
     """Temperature without stress, that of the blocks when their joints were grouted; one, or one for each
     block."""
     blocks: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
-    """Names of `blocks`."""
+    """Names of `blocks`, or patterns of them."""
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

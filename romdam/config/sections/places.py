@@ -50,7 +50,7 @@ class BlockFace(Model):
     """A face of a block."""
 
     block: str
-    """A name of `blocks`."""
+    """A name of `blocks`, or a pattern such as `dam.*` for all that have the face."""
     face: FaceRef
     """Name of a face of the block, or a plane."""
 

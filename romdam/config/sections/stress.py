@@ -46,7 +46,7 @@ class StressConfig(Model):
     """
 
     blocks: BlockNames = ()
-    """Names of `blocks` at whose nodes envelopes and worst fields are written, or all."""
+    """Names of `blocks`, or patterns, at whose nodes envelopes and worst fields are written, or all."""
     faces: tuple[BlockFace, ...] = ()
     nodes: dict[Name, NodeConfig] = Field(default_factory=dict)
     sections: dict[Name, SectionConfig] = Field(default_factory=dict)

@@ -40,7 +40,7 @@ class SupportConfig(Model):
     """Components held on a face of a block: at zero relative displacement, or moved by a `motion`."""
 
     block: str
-    """A name of `blocks`."""
+    """A name of `blocks`, or a pattern such as `dam.*` for all that have the face."""
     face: FaceRef
     """Name of a face of the block, or a plane."""
     fix: Annotated[tuple[Axis, ...], Field(min_length=1)] = ("x", "y", "z")

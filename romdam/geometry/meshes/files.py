@@ -26,6 +26,7 @@ from romdam.geometry.meshes.formats.nastran import read_nastran
 from romdam.geometry.meshes.formats.stl import read_stl
 from romdam.geometry.meshes.formats.unv import read_unv
 from romdam.geometry.meshes.formats.vtu import read_vtu
+from romdam.geometry.meshes.interfaces import without_interfaces
 from romdam.geometry.meshes.kinds import facets_by_kind, mixed_cells
 from romdam.geometry.meshes.quality import refuse_bad_cells
 from romdam.geometry.meshes.refinement import refine
@@ -220,7 +221,7 @@ def read_mesh_file(path: Path, location: str) -> MeshFile:
             ) from None
         text = str(error)
         raise MeshError(text if text.startswith(location) else f"{location}: {text}") from None
-    return _with_facets(file)
+    return _with_facets(without_interfaces(file))
 
 
 def _with_facets(file: MeshFile) -> MeshFile:
