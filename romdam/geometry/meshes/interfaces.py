@@ -23,12 +23,12 @@ _OPPOSITE = {  # corners of hexahedra and wedges -> pairs of opposite faces, cor
 
 def without_interfaces(file: MeshFile) -> MeshFile:
     """A mesh without solids whose opposite faces coincide, node by node; they are said to be left out."""
-    flat = {
-        k: rows
+    flat: dict[int, Bools] = {
+        k: thin_rows
         for k, cells in enumerate(file.cells)
         if cells.dim == 3
         and cells.kind in ELEMENT_OF_CELL
-        and (rows := _flat(file.points, cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners])).any()
+        and (thin_rows := _flat(file.points, cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners])).any()
     }
     if not flat:
         return file
@@ -53,11 +53,11 @@ def without_interfaces(file: MeshFile) -> MeshFile:
             ]
     faults = []
     for fault in file.faults:
-        rows = fault.rows
+        faulty = fault.rows
         if fault.kind in flat:
-            rows = kept[fault.kind][rows[~flat[fault.kind][rows]]]
-        if len(rows):
-            faults.append(replace(fault, rows=rows))
+            faulty = kept[fault.kind][faulty[~flat[fault.kind][faulty]]]
+        if len(faulty):
+            faults.append(replace(fault, rows=faulty))
     k = next(iter(flat))
     first = file.cells[k].ids[np.argmax(flat[k])]
     remark = (
