@@ -203,7 +203,7 @@ def reading_foreign(path: Path) -> Iterator[h5py.File]:
         with h5py.File(path, "r") as file:
             yield file
     except FAILURES as error:
-        raise ResultError(f"{path}: is not what it should be ({error!r})") from error
+        raise ResultError(f"{path}: is not what it should be ({error})") from error
 
 
 def text_of(item: h5py.Group, name: str) -> str:

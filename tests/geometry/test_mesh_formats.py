@@ -304,12 +304,65 @@ def in_millimetres(file):
     file["ENS_MAA/hex8"].attrs["UNI"] = np.bytes_("mm".ljust(16) * 3)
 
 
+def without(*keys):
+    """Lacks objects or attributes, by their paths below the mesh or its step."""
+
+    def edit(file):
+        mesh = file["ENS_MAA/hex8"]
+        for key in keys:
+            step = next(iter(mesh.values()), None)
+            if key in mesh.attrs:
+                del mesh.attrs[key]
+            else:
+                del step[key]
+
+    return edit
+
+
+def of_a_dimension(file):
+    for key in ("DIM", "ESP"):
+        file["ENS_MAA/hex8"].attrs[key] = 2
+
+
+def of_no_mesh(file):
+    del file["ENS_MAA/hex8"]
+
+
+def of_families(file):
+    step = next(iter(file["ENS_MAA/hex8"].values()))
+    family = step["MAI/HE8/FAM"][:-1]
+    del step["MAI/HE8/FAM"]
+    step["MAI/HE8/FAM"] = family
+
+
+def of_polyhedra(file):
+    step = next(iter(file["ENS_MAA/hex8"].values()))
+    step["MAI"].create_group("POE")["FAM"] = np.array([int(file["FAS/hex8/ELEME/F_3D_1"].attrs["NUM"])])
+
+
 BROKEN = {
+    "no meshes.med": ("hex8.med", of_no_mesh, "it is an HDF5 file without meshes, ENS_MAA"),
+    "two dimensions.med": (
+        "hex8.med",
+        of_a_dimension,
+        "it has no unstructured mesh in x, y and z: 'hex8' has 2 dimensions",
+    ),
+    "no dimension.med": ("hex8.med", without("DIM", "ESP"), "'hex8' does not state its dimension, DIM"),
+    "no nodes.med": ("hex8.med", without("NOE"), "its mesh 'hex8' has no nodes, NOE"),
+    "no positions.med": ("hex8.med", without("NOE/COO"), "its mesh 'hex8' has no coordinates of nodes, COO"),
+    "no elements.med": ("hex8.med", without("MAI"), "its mesh 'hex8' has no elements, MAI"),
+    "elements of no nodes.med": (
+        "hex8.med",
+        without("MAI/HE8/NOD"),
+        "its elements of type HE8 name no nodes, NOD",
+    ),
+    "families.med": ("hex8.med", of_families, "it has 1 families of 2 elements of type HE8, in FAM"),
+    "polyhedra.med": ("hex8.med", of_polyhedra, "has solids that are not read, elements of type POE (polyh"),
     "a family without groups.med": ("hex8.med", without_family, "family -3 is used and not given"),
     "two meshes.med": (
         "hex8.med",
         of_two_meshes,
-        "2 of its meshes (hex8, other) are unstructured and of three",
+        "it has 2 meshes of solids, hex8, other, limit one",
     ),
     "nodes cut.med": ("hex8.med", of_short_nodes, "has 15 nodes of 2 elements of 8"),
     "node lost.med": ("hex8.med", of_a_lost_node, "uses node 99, which is not given"),

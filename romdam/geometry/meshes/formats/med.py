@@ -16,16 +16,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from romdam.core.errors import ResultError, quote
+from romdam.core.errors import MeshError, ResultError, listed, quote
 from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
 from romdam.geometry.elements import CELLS
-from romdam.geometry.meshes.data import Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.geometry.meshes.data import EVERYTHING, Cells, Groups, MeshFile, cannot_be_read, checked_mesh
 
 if TYPE_CHECKING:
     import h5py
 
 _TYPES = {cell.med: cell for cell in CELLS.values() if cell.med}
+_UNREAD = {"POE": "polyhedra", "POE2": "polyhedra", "OCT": "hexagonal prisms", "O12": "hexagonal prisms"}
 _METRES = {"", "m", "meter", "metre", "SI"}
 
 
@@ -38,6 +39,7 @@ class _Content:
     cells: list[Cells] = field(default_factory=list)
     families: list[Ints] = field(default_factory=list)  # of every one of `cells`
     remarks: list[str] = field(default_factory=list)
+    unread: dict[str, Ints] = field(default_factory=dict)  # what solids of a type are -> their families
 
 
 def read_med(path: Path, location: str) -> MeshFile:
@@ -52,22 +54,27 @@ def read_med(path: Path, location: str) -> MeshFile:
     location = f"{location}: {path}"
     try:
         with reading_foreign(path) as file:
-            solid = {name: mesh for name, mesh in file["ENS_MAA"].items() if _of_space(mesh)}
-            if len(solid) != 1:
-                raise ValueError(
-                    f"{len(solid)} of its meshes ({', '.join(file['ENS_MAA'])}) are unstructured and of "
-                    "three dimensions, limit one"
-                )
-            ((name, mesh),) = solid.items()
+            if not len(file.get("ENS_MAA", ())):
+                raise MeshError("it is an HDF5 file without meshes, ENS_MAA")
+            wrong = {name: _not_of_space(mesh) for name, mesh in file["ENS_MAA"].items()}
+            solid = [name for name, why in wrong.items() if not why]
+            if not solid:
+                reasons = (f"{quote(name)} {why}" for name, why in wrong.items())
+                raise MeshError(f"it has no unstructured mesh in x, y and z: {', '.join(reasons)}")
+            if len(solid) > 1:
+                raise MeshError(f"it has {len(solid)} meshes of solids, {listed(solid)}, limit one")
+            (name,) = solid
+            mesh = file["ENS_MAA"][name]
             content = _mesh(mesh)
-            if len(file["ENS_MAA"]) > 1:
-                content.remarks.append(f"of its {len(file['ENS_MAA'])} meshes {quote(name)} is read")
+            if len(wrong) > 1:
+                content.remarks.append(f"of its {len(wrong)} meshes {quote(name)} is read")
             families = mesh.get("FAS", file.get(f"FAS/{name}", {}))
             unsound: dict[str, str] = {}
             groups = _members(families.get("ELEME"), content.families, unsound)
+            _refuse_unread(families.get("ELEME"), content.unread, unsound)
             nodes = _members(families.get("NOEUD"), [content.node_family], unsound)
-    except (ResultError, ValueError) as error:
-        raise cannot_be_read(location, "MED", str(error)) from None
+    except (ResultError, MeshError) as error:
+        raise cannot_be_read(location, "MED", str(error).removeprefix(f"{path}: ")) from None
     tags = np.arange(1, len(content.points) + 1)
     checked = checked_mesh(tags, content.points, content.cells, location)
     return replace(
@@ -79,35 +86,54 @@ def read_med(path: Path, location: str) -> MeshFile:
     )
 
 
-def _of_space(mesh: h5py.Group) -> bool:
-    """Tell whether a mesh is unstructured and of three dimensions."""
-    return int(mesh.attrs.get("ESP", mesh.attrs["DIM"])) == 3 and int(mesh.attrs.get("TYP", 0)) == 0
+def _not_of_space(mesh: h5py.Group) -> str:
+    """Say why a mesh is not an unstructured one of three dimensions; empty where it is."""
+    dimension = mesh.attrs.get("ESP", mesh.attrs.get("DIM"))
+    if dimension is None:
+        return "does not state its dimension, DIM"
+    if int(dimension) != 3:
+        return f"has {int(dimension)} dimensions"
+    return "is structured" if int(mesh.attrs.get("TYP", 0)) else ""
 
 
 def _mesh(mesh: h5py.Group) -> _Content:
-    steps = [mesh] if "NOE" in mesh else list(mesh.values())  # version 2 has no time steps
+    name = quote(mesh.name.rpartition("/")[2])
+    steps = [mesh] if "NOE" in mesh else [step for step in mesh.values() if "NOE" in step]
+    if not steps:  # version 2 has no time steps
+        raise MeshError(f"its mesh {name} has no nodes, NOE")
     if len(steps) != 1:
-        raise ValueError(f"its mesh has {len(steps)} time steps ({', '.join(mesh)}), limit one")
+        raise MeshError(f"its mesh {name} has {len(steps)} time steps ({', '.join(mesh)}), limit one")
     (step,) = steps
     nodes = step["NOE"]
+    for group, key, what in ((nodes, "COO", "coordinates of nodes"), (step, "MAI", "elements")):
+        if key not in group:
+            raise MeshError(f"its mesh {name} has no {what}, {key}")
     count = len(nodes["COO"]) // 3
     points = np.asarray(nodes["COO"], dtype=float).reshape(3, count).T
-    content = _Content(points, _family(nodes, count))
+    content = _Content(points, _family(nodes, count, "nodes"))
     unit = _text(mesh.attrs.get("UNI", b""))[:16].strip()
     if unit not in _METRES:
         content.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
     first = 1
     for kind, group in [*step["MAI"].items(), *step.get("FAC", {}).items()]:  # version 2 has facets apart
+        if kind in _UNREAD:
+            families = np.asarray(group.get("FAM", [0]), dtype=np.int64)
+            content.unread[f"elements of type {kind} ({_UNREAD[kind]})"] = families
+            continue
         if kind not in _TYPES:
             content.remarks.append(f"elements of type {kind} are left out")
             continue
+        if "NOD" not in group:
+            raise MeshError(f"its elements of type {kind} name no nodes, NOD")
         cell, flat = _TYPES[kind], np.asarray(group["NOD"], dtype=np.int64)
         count = int(group["NOD"].attrs.get("NBR", len(flat) // cell.nodes))
         if len(flat) != count * cell.nodes:
-            raise ValueError(f"{group.name} has {len(flat)} nodes of {count} elements of {cell.nodes}")
+            raise MeshError(
+                f"its type {kind} has {len(flat)} nodes of {count} elements of {cell.nodes}, in NOD"
+            )
         table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
         content.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
-        content.families.append(_family(group, count))
+        content.families.append(_family(group, count, f"elements of type {kind}"))
         first += count
     return content
 
@@ -116,13 +142,23 @@ def _text(value: object) -> str:
     return value.decode("latin-1").strip("\0 ") if isinstance(value, bytes) else str(value)
 
 
-def _family(group: h5py.Group, count: int) -> Ints:
+def _family(group: h5py.Group, count: int, what: str) -> Ints:
     if "FAM" not in group:
         return np.zeros(count, dtype=np.int64)
     family = np.asarray(group["FAM"], dtype=np.int64)
     if len(family) != count:
-        raise ValueError(f"{group.name}/FAM has {len(family)} families of {count}")
+        raise MeshError(f"it has {len(family)} families of {count} {what}, in FAM")
     return family
+
+
+def _refuse_unread(table: h5py.Group | None, unread: dict[str, Ints], unsound: dict[str, str]) -> None:
+    """Note the groups with solids that are not read, and all elements, as what no block may name."""
+    for what, families in unread.items():
+        reason = f"has solids that are not read, {what}"
+        unsound[EVERYTHING] = reason
+        for family in (table or {}).values():
+            if "GRO" in family and np.isin(int(family.attrs["NUM"]), families):
+                unsound |= {_text(name.tobytes()): reason for name in family["GRO/NOM"][:]}
 
 
 def _members(table: h5py.Group | None, families: list[Ints], unsound: dict[str, str]) -> Groups:
