@@ -11,6 +11,7 @@ import numpy as np
 from romdam.core.errors import MeshError, quote
 from romdam.core.scene import Bools, Floats, Ints
 from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL, jacobians
+from romdam.geometry.meshes.middles import with_middles
 
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
@@ -155,10 +156,11 @@ def checked_mesh(tags: Ints, points: Floats, cells: list[Cells], location: str) 
     """
     if not len(points):
         raise MeshError(f"{location} has no nodes; export the mesh anew")
+    tags, points, cells, remarks_of_middles = with_middles(tags, points, cells)
     far: Bools = np.asarray(~(np.abs(points) <= _FARTHEST).all(axis=1))
     _, first, same = np.unique(tags, return_index=True, return_inverse=True)
     moved = np.isin(tags, tags[(points != points[first[same]]).any(axis=1) & ~far])
-    kept, remarks = np.sort(first), list[str]()
+    kept, remarks = np.sort(first), list(remarks_of_middles)
     if len(kept) < len(tags):
         remarks.append(f"{len(tags) - len(kept)} of {len(tags)} nodes are given again; the first counts")
     tags, far, moved = tags[kept], far[kept], moved[kept]

@@ -19,7 +19,7 @@ import numpy as np
 from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
 from romdam.core.scene import Floats, Ints
-from romdam.geometry.elements import CELLS
+from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL
 from romdam.geometry.meshes.data import (
     EVERYTHING,
     LARGEST,
@@ -165,20 +165,28 @@ class _Deck:
     def read_element(self, entry: _Entry) -> None:
         """Read a solid or a shell."""
         sizes = _KINDS[entry.name]
-        shell = _SHELL_NODES.get(entry.name)
-        last = 2 + shell if shell else entry.given
-        count = last - 2
+        most, shell = max(sizes), _SHELL_NODES.get(entry.name)
+        corners = ELEMENT_OF_CELL[sizes[most].name].corners
+        count = shell or entry.given - 2
+        if corners < count < most and not entry.marker.strip():  # else a line is awaited and missing
+            count = most  # middle nodes may be left out, the last ones too
+        last = 2 + count
+        entry.fields += [""] * (last - len(entry.fields))
         more = shell in (3, 4) and any(entry.fields[8:9])  # which is blank in the second line of these
-        if count not in sizes or entry.given < last or more or not all(entry.fields[:last]):
+        if count not in sizes or more or not all(entry.fields[: 2 + corners]):
             dim = next(iter(sizes.values())).dim
             self.unread.setdefault(
                 (dim, entry.whole(2, 0)),
                 f"{entry.where}: {entry.name} {entry.fields[0]} has "
                 f"{sum(map(bool, entry.fields[2:]))} nodes, expected {' or '.join(map(str, sizes))}; a "
-                "continuation line is missing or another's, or mid-edge nodes are left out",
+                "continuation line is missing or another's",
             )
             return
-        row = [entry.whole(1), entry.whole(2, 0), *(entry.whole(k) for k in range(3, last + 1))]
+        row = [
+            entry.whole(1),
+            entry.whole(2, 0),
+            *(entry.whole(k, 0) for k in range(3, last + 1)),
+        ]
         self.rows.setdefault(sizes[count].name, []).append(row)
 
     def in_basic(self) -> Floats:
