@@ -135,7 +135,20 @@ def build_deck(
         motion=motion,
         probes={probe.name: int(number[probe.block][probe.node]) for probe in scene.probes},
         stated=tuple(_stated(scene, alpha, static)),
+        averaged=_averaged(scene),
     )
+
+
+def _averaged(scene: Scene) -> dict[str, str]:
+    """Key of every joint and tie whose points follow several nodes -> why they do."""
+    why = {f"ties.{tie.name}": "is by mortar" for tie in scene.ties if tie.weights is not None}
+    for name, joint in scene.joints.items():
+        rows = [abs(csr_matrix(side)) > _ROUNDING for side in joint.weights]
+        if joint.patches is not None:
+            why[f"joints.{name}.spacing"] = "has gaps that are means over several nodes"
+        elif any((side.sum(axis=1) > 1).any() for side in rows):
+            why[f"joints.{name}"] = "is by mortar, or has gaps on quadratic faces"
+    return why
 
 
 def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:

@@ -113,6 +113,7 @@ class Deck:
     motion : the record
     probes : name -> point
     stated : what differs from romdam's model, one sentence each
+    averaged : key of every joint and tie whose points follow several nodes -> why
     """
 
     title: str
@@ -130,6 +131,7 @@ class Deck:
     motion: Motion
     probes: dict[str, int]
     stated: tuple[str, ...]
+    averaged: Mapping[str, str]
 
     def stating(self, *sentences: str) -> Deck:
         """The same with what one code cannot express."""

@@ -30,10 +30,12 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     names = deck.elements(_ELEMENTS, "OpenSees")
     if deck.follows.nnz:
         rows = deck.follows.getnnz(axis=1).astype(bool).sum() // 3
+        key, why = next(iter(deck.averaged.items()))
+        remedy = "give faces the same nodes and discretization: node_to_node"
         raise ConfigError(
-            f"joints, ties: {rows} points follow several nodes (mortar, gaps on quadratic faces), limit 0: "
-            "openseespy has no linear constraints of several nodes; give faces the same nodes and "
-            "discretization: node_to_node, or export to calculix or abaqus"
+            f"{key} {why}, so that {rows} points of the deck follow several nodes, limit 0: openseespy "
+            f"has no linear constraints of several nodes; {'leave it out' if key.endswith('.spacing') else remedy}, "
+            "or export to calculix or abaqus"
         )
     stated, diagonal = [], np.einsum("nii->ni", deck.added_mass)
     if "tet4" in {solid.element for solid in deck.solids}:

@@ -33,9 +33,10 @@ def test_totals_are_those_of_volume_weight_and_pressure():
 
 @pytest.mark.parametrize("element", ["hex8", "hex20"])
 @pytest.mark.parametrize("other", [5.0, 4.0])
-def test_jumps_are_those_of_the_gap_operators(element, other):
-    """Node to node, and by mortar with points of the gaps' own: any displacement gives the same jumps."""
-    joint = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}
+@pytest.mark.parametrize("spacing", [None, 10.0])
+def test_jumps_are_those_of_the_gap_operators(element, other, spacing):
+    """Node to node, by mortar, and as means of a spacing: any displacement gives the same jumps."""
+    joint = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "spacing": spacing}
     joint["discretization"] = "node_to_node" if other == 5.0 else "mortar"
     if element == "hex20" and other == 5.0:
         joint["gaps"] = "corners"
@@ -45,7 +46,10 @@ def test_jumps_are_those_of_the_gap_operators(element, other):
     own = {"left": moved[:first], "right": moved[first : first + len(scene.blocks["right"].points)]}
     jumps = sum(operator @ own[name].ravel() for name, operator in gap_operators(scene, 3).items())
     assert deck.jumps() @ moved.ravel() == pytest.approx(jumps, abs=1e-12)
-    assert (deck.follows.nnz > 0) == (other == 4.0 or element == "hex20")
+    assert (deck.follows.nnz > 0) == (other == 4.0 or element == "hex20" or spacing is not None)
+    assert ("joints.gap.spacing" in deck.averaged) == (spacing is not None)
+    if spacing is not None:
+        assert 2 <= len(deck.gaps) < 8
     assert deck.meshed.sum() == sum(len(block.points) for block in scene.blocks.values())
 
 
@@ -137,6 +141,12 @@ def test_opensees_refuses_points_that_follow_several():
     mortar = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "discretization": "mortar"}
     with pytest.raises(ConfigError, match=r"several nodes.*calculix"):
         write_opensees(built(boxes(other=4.0, joints={"gap": mortar}))[1])
+    spaced = {"between": ["left", "right"], "normal_stiffness": "16 GPa/m", "spacing": "10 m"}
+    with pytest.raises(ConfigError, match=r"joints\.gap\.spacing has gaps that are means.*leave it out, or"):
+        write_opensees(built(boxes(joints={"gap": spaced}))[1])
+    with pytest.raises(ConfigError, match=r"ties\.t is by mortar"):
+        tie = {"between": ["left", "right"]}
+        write_opensees(built(boxes(other=4.0, joints={}, ties={"t": tie}))[1])
     with pytest.raises(ConfigError, match=r"blocks\.left: element hex27"):
         write_opensees(built(boxes("hex27"))[1])
 
