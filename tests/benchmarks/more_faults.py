@@ -148,4 +148,68 @@ MORE_FAULTS: list[Fault] = [
             "np.add.at(at_vertex, triangles[:, k], face)",
         ),
     ),
+    *faults_in(
+        "contact/solvers/gauss_seidel.py",
+        ("tests/contact/test_gap_solver.py", "-k", "lets_go_without"),
+        (
+            "return p[n] > 0.0 or y[n] < 0.0 or limits.cohesion[i, ALONG_J] > 0.0 or limits.cohesion[i, ALONG_K] > 0.0",
+            "return p[n] > 0.0 or y[n] < 0.0 or limits.cohesion[i, ALONG_J] > 0.0",
+        ),
+        ("p[3 * i + SHEAR_J], p[3 * i + SHEAR_K] = 0.0, 0.0", "p[3 * i + SHEAR_J] = 0.0"),
+    ),
+    *faults_in(
+        "timestepping/modal/kernels.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py", "-k", "answers_at_once"),
+        ("work += 0.5 * (p[i] * new - s[i] * u_r[i])", "work += 0.5 * p[i] * (new - u_r[i])"),
+    ),
+    *faults_in(
+        "timestepping/modal/massless_boundary.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py", "-k", "without_mass"),
+        (
+            "energy += 0.5 * problem.tension[i] * g[d * i] ** 2",
+            "energy += problem.tension[i] * g[d * i] ** 2",
+        ),
+    ),
+    *faults_in(
+        "timestepping/modal/massless_boundary.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py", "-k", "that_slides"),
+        ("slid -= memory.force[a] * y[a]", "slid -= 0.5 * memory.force[a] * y[a]"),
+    ),
+    *faults_in(
+        "timestepping/modal/loop.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py", "-k", "its_share"),
+        ("shift[i] = start[i] + share * (end[i] - start[i])", "shift[i] = end[i]"),
+    ),
+    *faults_in(
+        "records/spectra.py",
+        ("tests/records/test_values_by_hand.py", "-k", "of_the_spring"),
+        (
+            "peak_a[j] = max(peak_a[j], abs(damping[j] * vj + omega2[j] * uj))",
+            "peak_a[j] = max(peak_a[j], abs(omega2[j] * uj))",
+        ),
+    ),
+    *faults_in(
+        "effects/compressible_water.py",
+        ("tests/fem/test_compressible_water.py", "-k", "supports_drive"),
+        (
+            "by_supports = -np.asarray(waves.at_dam @ carried)",
+            "by_supports = np.asarray(waves.at_dam @ carried)",
+        ),
+    ),
+    *faults_in(
+        "geometry/cutting/triangulated.py",
+        ("tests/geometry/test_cutting.py", "-k", "beyond_an_apex"),
+        (
+            "feature[nearer] = np.where(share == 0.0, i, np.where(share == 1.0, j, 3 + k))[nearer]",
+            "feature[nearer] = np.where(share == 0.0, j, np.where(share == 1.0, i, 3 + k))[nearer]",
+        ),
+    ),
+    *faults_in(
+        "records/processing/correction.py",
+        ("tests/records/test_record_correction.py", "-k", "pads_add_up"),
+        (
+            "return replace(noted, before=signal.before + count, after=signal.after + count)",
+            "return replace(noted, before=count, after=count)",
+        ),
+    ),
 ]

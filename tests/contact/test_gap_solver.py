@@ -493,6 +493,41 @@ def test_solving_does_not_move_the_history(mu):
     assert (late[2] == fresh[2]).all()
 
 
+def _solve_with(cohesion, memory, y_free):
+    """One gap of unlike flexibilities, mu 0.5 and 0.25, whose cohesion is given: (y, residual)."""
+    H = 1e-8 * np.array([[9.0, 2.0, -1.0], [2.0, 12.0, 3.0], [-1.0, 3.0, 10.0]])
+    law = GapLaw(np.array([np.inf]), np.zeros(1), np.zeros(1), np.array([[0.5, 0.25]]), np.zeros(1), {})
+    problem, y = gap_problem(H, law), np.zeros(3)
+    memory = gap_memory(problem) if memory is None else memory
+    memory.limits.cohesion[0] = cohesion
+    closed = memory.force[:1] > 0.0
+    residual = frictional.solve_frictional(problem, memory, closed, y_free, y, TOLERANCE, False)
+    return memory, y, residual
+
+
+@pytest.mark.parametrize("along", [1, 2])
+def test_an_open_gap_sticks_along_its_cohesion_and_lets_go_without(along):
+    """Open by 1 mm, moved by (0.2, -0.3) mm: sweeps alone find t = -y_free / W along the bond, 0 across it.
+
+    A key along j carries -2e-4 / 12e-8 N, along k 3e-4 / 10e-8 N. When it is lost the force is zero at once,
+    without an iteration of Newton's method.
+    """
+    y_free = np.array([1e-3, 2e-4, -3e-4])
+    W = 1e-8 * np.array([[9.0, 2.0, -1.0], [2.0, 12.0, 3.0], [-1.0, 3.0, 10.0]])
+    bond = np.zeros(2)
+    bond[along - 1] = 1e4
+    memory, y, residual = _solve_with(bond, None, y_free.copy())
+    force = np.zeros(3)
+    force[along] = -y_free[along] / W[along, along]
+    assert residual <= TOLERANCE and memory.solver.sweeps.counts.newton_steps == 0
+    np.testing.assert_allclose(memory.force, force, rtol=1e-7, atol=1e-6)
+    np.testing.assert_allclose(y, y_free + W[:, along] * force[along], rtol=1e-7, atol=1e-12)
+    _, y, residual = _solve_with((0.0, 0.0), memory, y_free.copy())
+    assert residual <= TOLERANCE and memory.solver.sweeps.counts.newton_steps == 0
+    assert not memory.force.any()
+    np.testing.assert_allclose(y, y_free, rtol=1e-12)
+
+
 def test_one_gap_by_hand():
     """H 1e-6 m/N in every direction, K_n 4e6, K_s 1e6 N/m, mu 0.5; free jump (-5, 3, 4) mm.
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from gravity_sections import FOOT, KOYNA, PINE_FLAT, section_scene
-from scipy.sparse import csc_matrix
+from hand_systems import gap_law, sparse_system
+from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 from simulating import simulated
 from test_water import SERIES, job, rigid_mass, section_system, wall
@@ -17,7 +18,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion
 from romdam.core.system import Histories
 from romdam.effects.channel import ChannelDrive, impedance_network
-from romdam.effects.compressible_water import reduced_waves, reservoir_waves
+from romdam.effects.compressible_water import Waves, _behind, reduced_waves, reservoir_waves
 from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
 from romdam.reduction.synthesis import reduce_scene
@@ -270,3 +271,26 @@ def test_stress_at_full_order_is_the_blocks_whatever_the_water():
     bare = replace(scene, reservoir=None)
     dry = observing_stress(bare, assemble_full(bare, config.damping))
     np.testing.assert_array_equal(system.observe @ own, dry.observe @ own[: dry.size])
+
+
+def test_supports_drive_the_water_as_the_displacement_that_they_make():
+    """Waves see u' + u_s d': with one wet node of two the load of d' is what the column of u' says, C u_s.
+
+    at_dam (2, -3), B (4, 5), u_s of two motions (1, 2) and (-6, 0.5): B u_s is 14 and -21.5, so that the
+    loads on the waves, on the left, are -2 and 3 times these.
+    """
+    waves = Waves(
+        *(csr_matrix(np.diag(values)) for values in ([2.0, 5.0], [0.1, 0.2], [3.0, 7.0])),
+        at_dam=csr_matrix([[2.0], [-3.0]]),
+        coupling={},
+        load=np.array([[11.0, 13, 17], [19, 23, 29]]),
+        drive=ChannelDrive(np.zeros((0, 0)), np.zeros(0), np.zeros((0, 3))),
+    )
+    dam = sparse_system(np.diag([10.0, 20.0]), np.eye(2), [[1.0, -1.0]], gap_law(1))
+    shapes = np.array([[1.0, -6.0], [2.0, 0.5]])
+    B = csr_matrix([[4.0, 5.0]])
+    wet = _behind(dam, waves, B, B @ shapes)
+    column = {motion: wet.load[:, columns] for motion, columns in wet.motions.items()}
+    np.testing.assert_allclose(column[Motion.SUPPORTS_VELOCITY], [[0, 0], [0, 0], [-28, 43], [42, -64.5]])
+    np.testing.assert_allclose(wet.C.toarray()[2:, :2] @ shapes, [[-28, 43], [42, -64.5]])
+    np.testing.assert_allclose(column[Motion.BASE_VELOCITY][2:], -waves.load[:, :3])

@@ -368,3 +368,35 @@ def test_the_normal_at_a_corner_does_not_depend_on_the_triangles():
     surface = Triangulated.of(points, triangles, "s.yaml")
     at_corner = surface.normals[0, 0]
     assert at_corner == pytest.approx(np.ones(3) / np.sqrt(3.0), abs=1e-12)
+
+
+def test_the_side_beyond_an_apex_is_that_of_the_apex():
+    """A flat pyramid over unlike corners: each point beyond its ridges and apex has the nearest feature.
+
+    Points straight above the apex lie above whatever triangle is taken; those nearest to a corner of the base
+    have that corner's normal.
+    """
+    points = np.array(
+        [[0.3, 0.2, 1.0], [2.0, -1.0, 0.0], [1.0, 3.0, 0.2], [-2.0, 1.0, -0.3], [-1.0, -2.0, 0.1]]
+    )
+    triangles = np.array([[0, 1, 2], [3, 0, 2], [3, 4, 0], [1, 0, 4]])
+    surface = Triangulated.of(points, triangles, "s.yaml")
+
+    def at_vertex(number):
+        """Mean of the faces there by their angles."""
+        total = np.zeros(3)
+        for a, b, c in triangles:
+            while number in (a, b, c) and a != number:
+                a, b, c = b, c, a
+            if a != number:
+                continue
+            u, v = points[b] - points[a], points[c] - points[a]
+            face = np.cross(u, v) / np.linalg.norm(np.cross(u, v))
+            total += np.arccos(u @ v / np.linalg.norm(u) / np.linalg.norm(v)) * face
+        return total / np.linalg.norm(total)
+
+    for number in range(5):
+        outward = points[number] - np.array([0.0, 0.0, -2.0]) if number == 0 else points[number] - points[0]
+        outside = points[number] + 0.5 * outward
+        assert np.linalg.norm(surface._nearest(outside[None]).point - points[number]) < 1e-12
+        np.testing.assert_allclose(surface.normal(outside[None])[0], at_vertex(number), atol=1e-12)

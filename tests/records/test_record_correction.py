@@ -115,6 +115,16 @@ def test_pads_follow_boore_and_stay():
     assert [entry["step"] for entry in signal.log] == ["corners", "pad", "butterworth"]
 
 
+def test_pads_add_up_and_steps_between_them_see_the_record_alone():
+    """Pads of 1 s and then 2 s: 3 s on each side, and the mean is that of the record's own samples."""
+    acc = np.arange(1.0, 42.0)[None] ** 2
+    signal = correct(acc, 0.1, chain([{"pad": {"length": 1.0}}, {"pad": {"length": 2.0}}, "mean"]))
+    assert (signal.before, signal.after, signal.acc.shape) == (30, 30, (1, 41 + 60))
+    assert signal.duration == pytest.approx(4.0)
+    np.testing.assert_allclose(signal.acc[0, 30:71], acc[0] - acc[0].mean(), rtol=1e-12, atol=1e-10)
+    assert not signal.acc[0, :30].any() and not signal.acc[0, 71:].any()
+
+
 def test_longer_pads_change_nothing():
     """Of the largest displacement: within 1e-5 for the pads given, several per cent for a quarter of them."""
     given, quarter = [], []

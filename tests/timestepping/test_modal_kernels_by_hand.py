@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from romdam.core.system import OPEN, STICK
-from romdam.timestepping.modal import kernels, loop
+from romdam.contact.problem import gap_memory, gap_problem
+from romdam.core.system import OPEN, STICK, GapLaw
+from romdam.timestepping.modal import kernels, loop, massless_boundary
 from romdam.timestepping.modal.propagator import modal_propagator
 
 
@@ -66,6 +67,95 @@ def test_what_relaxes_takes_the_work_of_its_dashpot():
     assert loss == pytest.approx(np.trapezoid(power, t), rel=1e-6)
     stored = 0.5 * (end @ R @ end - s @ R @ s)
     assert work - loss == pytest.approx(stored, rel=1e-12)
+
+
+def test_what_answers_at_once_stores_the_work_of_its_force():
+    """Without damping u_r = R p at both ends: the work is the change of p R p / 2, without loss.
+
+    R = [[3, 1], [1, 2]]: at (1.5, 0.7) it is (6.75 + 2.1 + 0.98) / 2 = 4.915, at (0.4, -0.2) 0.2.
+    """
+    R, s, p = np.array([[3.0, 1.0], [1.0, 2.0]]), np.array([0.4, -0.2]), np.array([1.5, 0.7])
+    gaps = SimpleNamespace(traction=p.reshape(2, 1))
+    state = SimpleNamespace(recorded=SimpleNamespace(s=s.copy(), gaps=gaps), u_r=R @ s, mean=0.5 * (s + p))
+    model = SimpleNamespace(conserving=True, R=R)
+    assert kernels.relax.py_func(model, state, 0.0, R @ p) == pytest.approx((4.915 - 0.2, 0.0), rel=1e-13)
+    assert state.recorded.s == pytest.approx(p) and state.u_r == pytest.approx([5.2, 2.9])
+
+
+def test_energy_of_a_boundary_without_mass():
+    """Springs of 1/4 and 1/2 m/N pressed by 8 and 6 N: 8 + 9; R of (2, 3) 14; tensions 5 (0.2^2) / 2, 0.1."""
+    problem = SimpleNamespace(
+        compliance=np.array([0.25, 0.0, 0.0, 0.5, 0.0, 0.0]), gap=np.zeros(2), tension=np.array([5.0, 0.2])
+    )
+    R = np.zeros((6, 6))
+    R[np.ix_([0, 4], [0, 4])] = [[1.0, 0.5], [0.5, 2.0]]
+    pressed, p, opened = np.array([8.0, 0, 0, 6, 0, 0]), np.zeros(6), np.array([0.2, 9, 9, 1.0, 9, 9])
+    p[0], p[4] = 2.0, 3.0  # (4 + 6 + 18) / 2
+    energy = massless_boundary._elastic.py_func(SimpleNamespace(R=R), problem, pressed, p, opened)
+    assert energy == pytest.approx(8.0 + 9.0 + 14.0 + 0.1 + 0.1, rel=1e-13)
+
+
+def test_the_mean_force_of_a_step_that_slides_does_the_work_of_spring_and_friction(monkeypatch):
+    """A gap that is pressed more and slides, on states and on a boundary without mass: an energy ledger.
+
+    The mean force loses to the states what springs gain, 1/2 c p^2 and p R p, and what friction takes, the
+    shear times the slip.
+    """
+    monkeypatch.setattr(massless_boundary, "_elastic", massless_boundary._elastic.py_func)
+    law = GapLaw(np.array([4e6]), np.zeros(1), np.array([1e6]), np.array([[0.3, 0.3]]), np.zeros(1), {})
+    half = 1e-7 * np.array([[4.0, 1.0, 0.5], [1.0, 6.0, 0.7], [0.5, 0.7, 5.0]])
+    R = 1e-7 * np.array([[2.0, 0.3, 0.1], [0.3, 3.0, 0.2], [0.1, 0.2, 2.5]])
+    problem = gap_problem(half + R, law)
+    memory, y = gap_memory(problem), np.zeros(3)
+    p_0, w_0 = np.array([1500.0, -200.0, 100.0]), np.array([1e-3, 2e-3, -1e-3])
+    c = problem.compliance
+    memory.force[:] = p_0
+    memory.limits.mu[:] = 0.3
+    state = SimpleNamespace(
+        recorded=SimpleNamespace(
+            gaps=SimpleNamespace(traction=p_0.reshape(1, 3).copy(), jump=(w_0 + R @ p_0).reshape(1, 3))
+        ),
+        closed=np.array([True]),
+        mean=np.zeros(3),
+        w=w_0.copy(),
+    )
+    w_free = np.array([-2.5e-3, 3.5e-3, -2.5e-3])
+    residual = massless_boundary.try_conserving.py_func(
+        True, SimpleNamespace(R=R), half, problem, memory, state, w_free, np.zeros(0), y, 1e-10, False
+    )
+    p_1 = memory.force
+    assert residual <= 1e-10 and np.hypot(*p_1[1:]) == pytest.approx(0.3 * p_1[0], rel=1e-6)
+    slip = y[1:] - memory.accumulated_slip[0]  # what the shear springs do not take
+    slid = -(p_1[1:] @ slip)
+    assert slid > 0.1
+    stored = [0.5 * (c @ p**2 + p @ R @ p) for p in (p_0, p_1)]
+    np.testing.assert_allclose(state.w, w_free + 2.0 * half @ state.mean, rtol=1e-12)
+    assert -(state.mean @ (state.w - w_0)) == pytest.approx(stored[1] - stored[0] + slid, rel=1e-9)
+
+
+def test_a_step_within_a_base_step_has_its_share_of_the_added_jumps(monkeypatch):
+    """3 of 8 parts of a base step are done and one of 2 follows: 5/8 from (1, -2, 4) to (3, 2, -4)."""
+    found = []
+    monkeypatch.setattr(loop, "_reach", loop._reach.py_func)
+    monkeypatch.setattr(loop, "_gaps_of", lambda *_: (SimpleNamespace(), SimpleNamespace(force=np.zeros(3))))
+    monkeypatch.setattr(
+        loop, "solve_gaps", lambda problem, memory, closed, w, *_: found.append(w.copy()) or 1
+    )
+    levels = SimpleNamespace(size=np.array([8, 2]), step=SimpleNamespace(dt=np.array([[0.8, 0.2]])))
+    clock = SimpleNamespace(level=1, evolving=0, fine_steps=3, base_steps=0)
+    runs = SimpleNamespace(clock=[clock], variant=[SimpleNamespace(step=0)])
+    work = SimpleNamespace(
+        w=np.array([[10.0, 20.0, 30.0]]),
+        y=np.zeros((1, 3)),
+        shift=np.zeros((1, 3)),
+        old_force=np.zeros((1, 3)),
+        start_shift=np.array([[1.0, -2.0, 4.0]]),
+        end_shift=np.array([[3.0, 2.0, -4.0]]),
+    )
+    model = SimpleNamespace(carried=None, conserving=None, R=np.zeros((0, 0)))
+    state = SimpleNamespace(closed=np.ones(1, dtype=bool))
+    assert loop._try_step.py_func(model, levels, runs, state, work, 0, 1e-8) == (False, 1)
+    assert found[0] == pytest.approx([10 + 2.25, 20 + 0.5, 30 - 1.0])
 
 
 def test_works_of_a_step_are_those_of_its_motion():
