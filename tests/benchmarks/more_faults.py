@@ -152,8 +152,8 @@ MORE_FAULTS: list[Fault] = [
         "contact/solvers/gauss_seidel.py",
         ("tests/contact/test_gap_solver.py", "-k", "lets_go_without"),
         (
-            "return p[n] > 0.0 or y[n] < 0.0 or limits.cohesion[i, ALONG_J] > 0.0 or limits.cohesion[i, ALONG_K] > 0.0",
-            "return p[n] > 0.0 or y[n] < 0.0 or limits.cohesion[i, ALONG_J] > 0.0",
+            "limits.cohesion[i, ALONG_J] > 0.0 or limits.cohesion[i, ALONG_K] > 0.0",
+            "limits.cohesion[i, ALONG_J] > 0.0",
         ),
         ("p[3 * i + SHEAR_J], p[3 * i + SHEAR_K] = 0.0, 0.0", "p[3 * i + SHEAR_J] = 0.0"),
     ),
