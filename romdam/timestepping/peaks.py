@@ -6,6 +6,7 @@ import numpy as np
 
 from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.core.arrays import Floats, Record, record_type
+from romdam.core.jit import VIEWS, njit
 from romdam.core.recorded import PEAK_QUANTITIES
 
 PEAKS = record_type(**dict.fromkeys(PEAK_QUANTITIES, float))
@@ -20,11 +21,16 @@ def first_peaks(jump: Floats, force: Floats) -> Record:
     return peaks
 
 
-def raise_peaks(peaks: Record, now: Record, time: float) -> None:
+@njit(**VIEWS)
+def raise_peaks(peaks: Record, jump: Floats, force: Floats, time: float) -> None:
     """Raise peaks to those of a state at a time [s]."""
-    peaks["opening_time"][now["opening"] > peaks["opening"]] = time
-    for name in ("opening", "compression", "slip"):
-        peaks[name] = np.maximum(peaks[name], now[name])
+    for i in range(len(peaks)):
+        peak, opening = peaks[i], jump[i, NORMAL]
+        if opening > peak.opening:
+            peak.opening, peak.opening_time = opening, time
+        peak.compression = max(peak.compression, force[i, NORMAL])
+        if jump.shape[1] == 3:
+            peak.slip = max(peak.slip, np.sqrt(jump[i, SHEAR_J] ** 2 + jump[i, SHEAR_K] ** 2))
 
 
 def peaks_at_points(

@@ -623,13 +623,14 @@ _FAULTS = [
         ("jump[i] += model.ground_jump[a, i] * acc[a]", "jump[i] += model.ground_jump[i, a] * acc[a]"),
     ),
     *faults_in(
+        "timestepping/peaks.py",
+        _KERNELS,
+        ("np.sqrt(jump[i, SHEAR_J] ** 2 + jump[i, SHEAR_K] ** 2)", "np.abs(jump[i, SHEAR_J])"),
+    ),
+    *faults_in(
         "timestepping/modal/loop.py",
         _KERNELS,
         ("further = dt / (dt + last_step)", "further = 0.5"),
-        (
-            "slip = np.sqrt(gaps.jump[i, SHEAR_J] ** 2 + gaps.jump[i, SHEAR_K] ** 2)",
-            "slip = np.abs(gaps.jump[i, SHEAR_J])",
-        ),
         (
             "state.mean[PLACE(d * i)] -= problem.tension[i] * gaps.jump[i, NORMAL]",
             "state.mean[PLACE(d * i)] -= 0.5 * problem.tension[i] * gaps.jump[i, NORMAL]",

@@ -269,6 +269,7 @@ def test_an_accepted_step_moves_means_peaks_and_the_clock(monkeypatch):
     monkeypatch.setattr(loop, "relax", lambda *_: (0.5, 0.25))
     monkeypatch.setattr(loop, "at", lambda values, place: SimpleNamespace(dt=values.dt[place]))
     monkeypatch.setattr(loop, "_reach", lambda levels, runs, run: 0.75)
+    monkeypatch.setattr(loop, "raise_peaks", loop.raise_peaks.py_func)
     clock = SimpleNamespace(level=2, fine_steps=2, base_steps=5, calm_steps=1)
     runs = SimpleNamespace(clock=[clock], variant=[SimpleNamespace(step=0)], last=[9], rows=[0])
     levels = SimpleNamespace(

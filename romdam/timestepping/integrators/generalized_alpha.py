@@ -28,7 +28,7 @@ from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import iterations
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.contact.strength import shear_strength
-from romdam.core.arrays import Floats, Record, put, record, rows_like
+from romdam.core.arrays import Floats, Record, put, rows_like
 from romdam.core.errors import ConvergenceError
 from romdam.core.final_state import FinalState
 from romdam.core.motion import Motion
@@ -83,24 +83,43 @@ def scheme_rates(s: Scheme, dt: float, angle: Floats) -> tuple[Complex, Complex]
     return weight * (z - 1.0) ** 2 / (moved * dt), (z - 1.0) * rate / moved
 
 
+@dataclass(slots=True)
+class _Works:
+    """Works since the start and energy stored in the gaps, as `ENERGIES`, and what the scheme took [J]."""
+
+    input: float = 0.0
+    damping: float = 0.0
+    joint_work: float = 0.0
+    friction: float = 0.0
+    stored: float = 0.0
+    numerical: float = 0.0
+
+    def record(self) -> Record:
+        """The `ENERGIES` of them."""
+        return np.array(tuple(getattr(self, name) for name in ENERGIES.names or ()), ENERGIES)
+
+
 class _State:
-    """Displacement, velocity, acceleration, inertia M a, gaps and works at the last accepted step."""
+    """Displacement, velocity and acceleration, gaps and works at the last accepted step.
+
+    Beside them stand the elastic force K u, the inertia M a and the load of the ground's motion, which the
+    next step begins with.
+    """
 
     def __init__(self, system: System, q: Floats, gaps: GapState, motion: Floats) -> None:
         self.u = q
         self.v = np.zeros_like(q)
-        self.gaps, self.energies = gaps.recorded(), record(ENERGIES)
-        self.energies.stored = gaps.stored
-        self.numerical, self.carried = 0.0, Carried.at_rest(system)
-        rest = system.force - system.load @ motion + system.B.T @ gaps.acting.ravel() - system.K @ q
+        self.gaps, self.works = gaps.recorded(), _Works(stored=gaps.stored)
+        self.carried = Carried.at_rest(system)
+        self.elastic, self.load = system.K @ q, np.asarray(system.load @ motion)
+        rest = system.force - self.load + system.B.T @ gaps.acting.ravel() - self.elastic
         massless = system.M.diagonal() == 0.0  # they follow by their stiffness, at once
         self.a = Factor(system.M + diags_array(massless.astype(float))).solve(np.where(massless, 0.0, rest))
         self.inertia = system.M @ self.a
 
     def begin(self) -> None:
         """Count works and means from here on."""
-        self.energies.input = self.energies.damping = self.energies.joint_work = self.energies.friction = 0.0
-        self.numerical = 0.0
+        self.works = _Works(stored=self.works.stored)
         for name, of in GAP_QUANTITIES.items():
             if of.adds_up:
                 getattr(self.gaps, name)[:] = 0.0
@@ -154,27 +173,29 @@ class _Stepper:
 
         Parameters
         ----------
-        motion : (k, 2) what the columns of the load follow, at both ends of the step
+        motion : (k,) what the columns of the load follow, at the step's end
         carried : jumps that moving supports make at its end
         interval : of the written rows [s]
         """
         s, dt, system = self.scheme, self.dt, self.system
-        u_old, v_old, inertia_old = state.u, state.v, state.inertia
+        new, old = 1.0 - s.a_f, s.a_f  # weights of the step's end and start
+        u_old, v_old, elastic_old, inertia_old, load_old = (
+            state.u, state.v, state.elastic, state.inertia, state.load,
+        )  # fmt: skip
         u_star = u_old + dt * v_old + dt**2 * (0.5 - s.beta) * state.a
         v_star = v_old + dt * (1.0 - s.gamma) * state.a
-        before, after = motion.T
-        external = system.force - system.load @ ((1.0 - s.a_f) * after + s.a_f * before)
-        right = external - s.a_m * inertia_old
-        right -= system.damping_force((1.0 - s.a_f) * v_star + s.a_f * v_old)
-        right -= system.K @ ((1.0 - s.a_f) * u_star + s.a_f * u_old)
+        load = np.asarray(system.load @ motion)
+        right = system.force - new * load - old * load_old - s.a_m * inertia_old
+        right -= system.damping_force(new * v_star + old * v_old)
+        right -= system.K @ (new * u_star + old * u_old)
         w_free = self.operator @ u_star + s.beta * dt**2 * (self.X.T @ right) + carried.jump
         y = np.empty(len(w_free))
         residual = float(solve_gaps(self.problem, memory, state.gaps.state > 0, w_free, y, tolerance, False))
         if not residual <= tolerance:
             return residual
-        gaps, energies = state.gaps, state.energies
+        gaps, works = state.gaps, state.works
         jump_old = gaps.jump.copy()
-        energies.stored, friction, fed = commit_gaps(self.problem, memory, y, gaps)
+        works.stored, friction, fed = commit_gaps(self.problem, memory, y, gaps)
         acting = with_water(memory.force.reshape(gaps.jump.shape), memory.water)
         acting[:, NORMAL] -= self.problem.tension * gaps.jump[:, NORMAL]
         right += self.transposed @ acting.ravel()
@@ -182,21 +203,21 @@ class _Stepper:
         gaps.mean_traction[:] += dt / interval * acting
         state.u = u_star + s.beta * dt**2 * state.a
         state.v = v_star + s.gamma * dt * state.a
-        state.inertia = system.M @ state.a
-        moved, rate = state.u - u_old, (1.0 - s.a_f) * state.v + s.a_f * v_old
+        state.elastic, state.inertia, state.load = system.K @ state.u, system.M @ state.a, load
+        moved, rate = state.u - u_old, new * state.v + old * v_old
         damping = system.damping_force(rate)
-        energies.input += float((system.force - system.load @ (0.5 * (before + after))) @ moved) + fed
-        energies.damping += dt * float(rate @ damping)
-        energies.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
-        energies.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
-        state.carried = carried
-        energies.friction += friction
+        works.input += float((system.force - 0.5 * (load_old + load)) @ moved) + fed
+        works.damping += dt * float(rate @ damping)
+        works.joint_work += float((acting * (gaps.jump - jump_old)).sum()) - fed
+        if carried is not state.carried:
+            works.input -= float(acting.ravel() @ (carried.jump - state.carried.jump))
+            state.carried = carried
+        works.friction += friction
         # taken by the scheme: d du.(K du + M da + load dg) + k dt dv.M da, see the class
         M_da, dv = state.inertia - inertia_old, state.v - v_old
-        force = system.K @ moved + M_da + system.load @ (after - before)
+        force = state.elastic - elastic_old + M_da + load - load_old
         taken = (0.5 - s.a_f) * (moved @ force) + (s.beta - 0.5 * s.gamma) * dt * (dv @ M_da)
-        state.numerical += float(taken)
-        state.numerical += float((moved - dt * rate) @ damping)
+        works.numerical += float(taken) + float((moved - dt * rate) @ damping)
         return residual
 
 
@@ -249,8 +270,7 @@ class _Rows:
 
     def keep(self, state: _State, step: int) -> None:
         """Update the peaks, and write the row if the step has one."""
-        now = first_peaks(self._at_points(state), state.gaps.traction)
-        raise_peaks(self.peaks, now, step * self.steps.base)
+        raise_peaks(self.peaks, self._at_points(state), state.gaps.traction, step * self.steps.base)
         if len(self.base_disp):
             self.base_disp[step] = self.system.observe @ state.u
         if step % self.steps.stride == 0:
@@ -265,20 +285,24 @@ class _Rows:
         return np.asarray(jump + more.reshape(jump.shape))
 
     def _recorded(self, state: _State) -> _Recorded:
-        system = self.system
+        system, works = self.system, state.works
         unknowns = slice(None) if system.reduced else slice(0)
+        disp, vel, acc = (system.observe @ np.stack([state.u, state.v, state.a], axis=1)).T
+        gaps = state.gaps
+        if system.at_point is not None:
+            gaps = GapArrays(**gap_fields(gaps) | {"jump": self._at_points(state)})
         return _Recorded(
-            gaps=GapArrays(**gap_fields(state.gaps) | {"jump": self._at_points(state)}),
+            gaps=gaps,
             memory=self.gap_memory.history,
-            disp=system.observe @ state.u,
-            vel=system.observe @ state.v,
-            acc=system.observe @ state.a,
+            disp=disp,
+            vel=vel,
+            acc=acc,
             u=state.u[unknowns],
             v=state.v[unknowns],
-            energies=state.energies,
+            energies=works.record(),
             kinetic=0.5 * (state.v @ (system.M @ state.v)),
-            strain=0.5 * (state.u @ (system.K @ state.u)),
-            numerical=np.array(state.numerical),
+            strain=0.5 * (state.u @ state.elastic),
+            numerical=np.array(works.numerical),
         )
 
     def _write(self, state: _State, row: int) -> None:
@@ -390,13 +414,12 @@ class GeneralizedAlpha:
         def advance(n: int) -> float:
             end = None if added is None else added[max(n + 1, 0)]
             carried = state.carried.after(supports[:, lead + n + 1], end)
-            ends, interval = motion[:, lead + n : lead + n + 2], settings.steps.interval
-            residual = stepper.advance(memory, state, ends, carried, tolerance, interval)
-            gap = system.law.gap_name(int(memory.failure.gap))
-            if failed := failed_law(stepper.problem.laws, memory, gap):
-                raise ConvergenceError(failed)
-            if not residual <= tolerance:
-                raise ConvergenceError(not_converged(n + 1, settings, residual, gap))
+            now, interval = motion[:, lead + n + 1], settings.steps.interval
+            residual = stepper.advance(memory, state, now, carried, tolerance, interval)
+            if not residual <= tolerance or memory.failure.law > 0:
+                gap = system.law.gap_name(int(memory.failure.gap))
+                failed = failed_law(stepper.problem.laws, memory, gap)
+                raise ConvergenceError(failed or not_converged(n + 1, settings, residual, gap))
             return residual
 
         worst = max((advance(n) for n in range(-lead, 0)), default=0.0)
@@ -438,6 +461,6 @@ def _final_state(state: _State, memory: GapMemory, integrator: str) -> FinalStat
         "memory": memory.history,
         "last_step": memory.last_step,
         "water": memory.water,
-        "stored": np.array([state.energies.stored]),
+        "stored": np.array([state.works.stored]),
     }
     return FinalState({name: np.array(values) for name, values in kept.items()}, integrator, {})

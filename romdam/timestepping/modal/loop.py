@@ -53,6 +53,7 @@ from romdam.timestepping.modal.kernels import (
     residual_jumps,
 )
 from romdam.timestepping.modal.massless_boundary import try_conserving
+from romdam.timestepping.peaks import raise_peaks
 
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
 
@@ -309,7 +310,7 @@ def _move(
         joint_r, loss_r = relax(model, state, levels.decay[variant, l], work.w[run])
         joint += joint_r
         loss += loss_r
-    gaps, energies, peaks = state.recorded.gaps, state.recorded.energies, state.peaks
+    gaps, energies = state.recorded.gaps, state.recorded.energies
     shift, last = work.shift[run], work.last_shift[run]
     for i in range(len(shift)):  # the ground does what work the joint force does on what it moves alone
         carried = state.mean[i] * (shift[i] - last[i])
@@ -324,15 +325,7 @@ def _move(
     for b in range(len(mean)):
         mean[b] += share * state.mean[b]
     time = levels.step.dt[variant, BASE] * (clock.base_steps + _reach(levels, runs, run))
-    for i in range(len(peaks)):
-        peak, opening = peaks[i], gaps.jump[i, NORMAL]
-        if opening > peak.opening:
-            peak.opening = opening
-            peak.opening_time = time
-        peak.compression = max(peak.compression, gaps.traction[i, NORMAL])
-        if gaps.jump.shape[1] == 3:
-            slip = np.sqrt(gaps.jump[i, SHEAR_J] ** 2 + gaps.jump[i, SHEAR_K] ** 2)
-            peak.slip = max(peak.slip, slip)
+    raise_peaks(state.peaks, gaps.jump, gaps.traction, time)
     clock.fine_steps += size[l]
     state.tries.accepted += 1
     if l > BASE and clock.calm_steps >= _CALM and clock.fine_steps % size[l - 1] == 0:
