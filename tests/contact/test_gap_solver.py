@@ -330,6 +330,28 @@ def test_newton_goes_on_from_where_exact_sweeps_lead():
     check(case, *solve(case, memory)[:3])
 
 
+@pytest.mark.parametrize("signs", [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0)])
+@pytest.mark.parametrize("mu", [(0.3, 0.8), (0.7, 0.2)])
+def test_one_iteration_of_newton_solves_what_slides_on(mu, signs):
+    """Of a gap that goes on sliding along both axes the equation is linear: y_n = 0, shears c + mu p_n."""
+    W = 1e-8 * np.array([[9.0, 0.4, -0.3], [0.4, 12.0, 1.0], [-0.3, 1.0, 10.0]])
+    cohesion, way = 300.0, np.array(signs)
+
+    def force_of(p_n):
+        return np.array([p_n, *(way * (cohesion + np.array(mu) * p_n))])
+
+    slip = -way * np.array([2e-4, 3e-4])
+    y_free = np.array([0.0, *slip]) - W @ force_of(5000.0)
+    law = GapLaw(np.array([np.inf]), np.zeros(1), np.zeros(1), np.array([mu]), np.zeros(1), {})
+    memory = gap_memory(gap_problem(W, law))
+    memory.limits.cohesion[:] = cohesion
+    memory.force[:] = force_of(4500.0)
+    y = W @ memory.force + y_free
+    assert continuation.newton(W, memory.limits, memory, y_free, y, TOLERANCE) <= TOLERANCE
+    np.testing.assert_allclose(memory.force, force_of(5000.0), rtol=1e-9)
+    assert memory.solver.sweeps.counts.iterations == 1
+
+
 def bodies_on_many_gaps(seed, bodies, each, K_n):
     """Rigid bodies in a row on `each` gaps below them, and on as many against the next: a singular H.
 

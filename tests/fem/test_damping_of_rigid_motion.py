@@ -148,6 +148,28 @@ def test_what_a_viscous_boundary_holds_keeps_all_its_damping():
     assert np.abs(small.system.C.toarray() - of_modes).max() <= 1e-9 * np.abs(of_modes).max()
 
 
+@pytest.mark.parametrize("name", ["rail", "pier"])
+def test_a_matrix_that_a_block_brings_is_all_its_damping(name):
+    """It drags rigid motions too, and the mass term of Rayleigh's neither adds to it nor is taken off it."""
+    built = scene(raw())
+    block = built.blocks[name]
+    K, M = assemble(block)
+    C, size = csr_matrix(2.5 * M + 1.1e-3 * K), 3 * len(block.points)
+    axes = np.tile(np.arange(3), (len(block.points), 1))
+    own = BlockMatrices(K, M, axes, np.tile(np.eye(3), (len(block.points), 1)), C, None, np.zeros(size))
+    plain = damping_of(assemble_full(built, RAYLEIGH))
+    built = replace(built, blocks=built.blocks | {name: replace(block, matrices=own)})
+    full, numbered = assemble_full(built, RAYLEIGH), unknowns(built)
+    part, free = numbered.parts[name], numbered.free[name]
+    exact = plain.copy()
+    exact[part, part] = C[free][:, free].toarray()
+    assert np.abs(damping_of(full) - exact).max() <= 1e-11 * np.abs(exact).max()
+    small = reduce_scene(built, ALL, RAYLEIGH)
+    T = basis_over_unknowns(built, small.basis, small.system.size)
+    of_modes = T.T @ exact @ T
+    assert np.abs(damping_of(small.system) - of_modes).max() <= 1e-9 * np.abs(of_modes).max()
+
+
 def test_a_replay_and_a_step_solve_with_the_matrix_that_they_damp_by():
     built, h = scene(raw()), 1e-3
     system = assemble_full(built, RAYLEIGH)

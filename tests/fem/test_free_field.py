@@ -15,7 +15,7 @@ from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Material
 from romdam.effects.full_order import assemble_full
-from romdam.fem.column import respond, shapes, wave_moduli
+from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
 from romdam.pipelines.error.study import study
 from romdam.pipelines.run import run
 from romdam.records.processing.resampling import resample
@@ -496,3 +496,34 @@ def test_natural_modes_do_not_know_how_the_rock_is_shaken():
     assert field.free_field is not None and uniform.free_field is None
     freq = [natural_modes(one, DampingConfig(), 4).freq for one in (field, uniform)]
     np.testing.assert_allclose(freq[0], freq[1], rtol=1e-9)
+
+
+SOFT = Material(E=2.3e9, nu=0.3, rho=2100.0, expansion=0.0)
+STIFF = Material(E=9.1e9, nu=0.2, rho=2600.0, expansion=0.0)
+
+
+@pytest.mark.parametrize("component", [0, 2])
+def test_continuous_layers_are_what_fine_columns_come_to(component):
+    """Two layers with both kinds of Rayleigh damping: 400 quadratic elements against waves, to 1e-6."""
+    coarse = np.array([12.0, -8.0, -33.0])
+    field = FreeField(coarse, (SOFT, STIFF), 1, frozenset())
+    fine = np.concatenate([np.linspace(12.0, -8.0, 201), np.linspace(-8.0, -33.0, 201)[1:]])
+    many = FreeField(fine, (SOFT,) * 200 + (STIFF,) * 200, 2, frozenset())
+    omega, damping = np.array([4.0, 60.0, 170.0]), (7.0, 1e-3)
+    answer = respond(many, component, (-(omega**2) + 0j, 1j * omega), damping)
+    at_ends = answer.motion[:, [399, 799]]  # relative to the surface, of a unit acceleration of it
+    exact = layer_motion(field, component, omega, damping)
+    total = 1.0 + at_ends * -(omega**2)[:, None]
+    assert np.abs(total - exact).max() <= 1e-6 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_column_strains_below_its_surface_alone(order):
+    """Motion (z - 12) / 5 has the slope 1/5 down to the lowest end, and none above the surface."""
+    levels = np.array([12.0, 9.0, 2.0])
+    field = FreeField(levels, (SOFT, STIFF), order, frozenset())
+    nodes = levels[1:] if order == 1 else np.array([10.5, 9.0, 5.5, 2.0])
+    z = np.array([12.5, 12.0, 11.0, 9.0, 8.0, 2.0])
+    motion = (nodes - 12.0) / 5.0
+    assert slopes(field, z) @ motion == pytest.approx([0.0, 0.2, 0.2, 0.2, 0.2, 0.2], abs=1e-12)
+    assert shapes(field, z) @ motion == pytest.approx([0.0, 0.0, -0.2, -0.6, -0.8, -2.0], abs=1e-12)

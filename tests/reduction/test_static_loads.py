@@ -11,8 +11,10 @@ from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.effects.full_order import assemble_full
+from romdam.effects.static_loads import static_loads
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import hydrostatic_force, static_force, surface_force, thermal_force
+from romdam.fem.parts import basis_over_unknowns, unknowns
 from romdam.fem.stress import stress_operators
 from romdam.geometry.elements import SOLIDS
 from romdam.linalg.factor import Factor
@@ -154,8 +156,6 @@ def test_staged_displacement_is_that_of_open_joints():
     loose = build(pillars("monolithic") | {"joints": {}})
     system = assemble_full(loose, DampingConfig())
     u = Factor(csr_matrix(system.K)).solve(system.force)
-    from romdam.fem.parts import unknowns
-
     for name, matrix in unknowns(loose).of_block.items():
         found = staged_displacement(scene)[name].ravel()
         assert np.abs(found - matrix @ u).max() < 1e-10 * np.abs(u).max()
@@ -187,3 +187,28 @@ def test_rock_excluded_from_gravity_has_no_weight():
     system = assemble_full(build(pillars("monolithic")), DampingConfig())
     whole = 2400 * 9.81 * (2 * 2 * 6 + 2 * 2 * 4)
     assert system.force.sum() == pytest.approx(-whole * (1 - 2.0 / 9.81), rel=1e-12)
+
+
+def test_a_basis_without_modes_answers_every_kind_of_load_by_itself():
+    """K^-1 f of water, temperature and a pressure, each alone, out of a basis that knows their sum."""
+    water = [{"level": 3.7, "faces": [{"block": "left", "face": "ymin"}]}]
+    raw = pillars(
+        "monolithic",
+        hydrostatic=water,
+        temperature=[{"change": 7.0, "blocks": ["left"]}],
+        pressure=[{"block": "left", "face": "zmax", "value": 3e5}],
+    )
+    built = build(raw | {"joints": {}})
+    full, small = (
+        assemble_full(built, DampingConfig()),
+        reduce_scene(built, ModeChoice(cutoff=1.0), DampingConfig()),
+    )
+    assert small.basis["left"].report["fixed_interface_modes"] == 0
+    T = basis_over_unknowns(built, small.basis, small.system.size)
+    K, numbered, kinds = csr_matrix(full.K), unknowns(built), static_loads(built).kinds["left"]
+    assert set(kinds) == {"water", "temperature", "forces"}
+    for kind, force in kinds.items():
+        f = numbered.of_block["left"].T @ force
+        u = Factor(K).solve(f)
+        found = T @ np.linalg.solve(T.T @ (K @ T), T.T @ f)
+        assert np.abs(found - u).max() <= 1e-8 * np.abs(u).max(), kind
