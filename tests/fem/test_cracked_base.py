@@ -262,6 +262,7 @@ def test_the_tip_between_two_gaps():
 
     assert tip([3.0, 1.0, -3.0, -7.0]) == pytest.approx(1.25)
     assert tip([3.0, 1.0, 0.0, 0.0], rigid=True) == 1.5
+    assert tip([3.0, 1.0, 0.0, 0.0], rigid=[False, False, True, True]) == 1.5  # ahead of the last open gap
     assert tip([3.0, 1.0, 1e-10, -1.0]) == 2.0
     assert tip([-1.0, 1.0, 1.0, 1.0]) == 0.0 and tip([1.0, -1.0, 2.0, 2.0]) == 0.5
     assert tip([1.0, 1.0, 1.0, 1.0]) == 3.0

@@ -280,6 +280,24 @@ def test_twelve_months_through_the_thickness(tmp_path):
         np.testing.assert_allclose(scene.warmed["a"], 2 * s + turned.real, atol=1e-9)
 
 
+@pytest.mark.parametrize("through", ["equivalent", "harmonic"])
+def test_twelve_unlike_months_through_a_slab_that_conducts_at_once(tmp_path, through):
+    """All seven harmonics of an arbitrary year add up to the month's own straight line between the faces."""
+    upstream = [4.0, 9.5, 3.0, 12.0, 7.5, 16.0, 21.0, 15.5, 18.0, 6.0, 11.0, 2.5]
+    downstream = [1.0, -6.0, 8.0, 5.5, 19.0, 14.0, 27.0, 22.5, 13.0, 17.0, 0.5, 9.0]
+    rows = "".join(
+        f"{k + 1},{z},{u},{d}\n"
+        for k, (u, d) in enumerate(zip(upstream, downstream, strict=True))
+        for z in (0, 20)
+    )
+    for month in (1, 4, 11):
+        load = faces(through=through, diffusivity="1 m2/s") | {"month": month, "reference": "10 degC"}
+        scene = build(tmp_path, "month,elevation,upstream,downstream\n" + rows, load)
+        s = scene.blocks["a"].points[:, 1] / THICK
+        line = (1.0 - s) * upstream[month - 1] + s * downstream[month - 1] - 10.0
+        np.testing.assert_allclose(scene.warmed["a"], line, atol=1e-4)
+
+
 def test_points_and_us_units_give_the_same(tmp_path):
     """A linear field by points in feet and Fahrenheit is that of the faces."""
     ft = 0.3048

@@ -23,7 +23,6 @@ def test_supports_carry_jumps_along_a_cubic():
     jump, carried = np.array([7.0, -7.0]), np.array([[2.0, 3.0], [-1.0, 4.0]])
     kernels.add_carried.py_func(carried, motion, 1, t / 0.5, 0.5, jump)
     assert jump == pytest.approx([7.0 + 2.0 * first + 3.0 * second, -7.0 - first + 4.0 * second], rel=1e-14)
-    kernels.add_carried.py_func(None, motion, 1, 0.5, 0.5, jump)
 
 
 def test_forces_and_jumps_of_an_instant():
@@ -136,14 +135,15 @@ def test_the_mean_force_of_a_step_that_slides_does_the_work_of_spring_and_fricti
 def test_a_step_within_a_base_step_has_its_share_of_the_added_jumps(monkeypatch):
     """3 of 8 parts of a base step are done and one of 2 follows: 5/8 from (1, -2, 4) to (3, 2, -4)."""
     found = []
-    monkeypatch.setattr(loop, "_reach", loop._reach.py_func)
+    for name in ("_reach", "add_carried"):
+        monkeypatch.setattr(loop, name, getattr(loop, name).py_func)
     monkeypatch.setattr(loop, "_gaps_of", lambda *_: (SimpleNamespace(), SimpleNamespace(force=np.zeros(3))))
     monkeypatch.setattr(
         loop, "solve_gaps", lambda problem, memory, closed, w, *_: found.append(w.copy()) or 1
     )
     levels = SimpleNamespace(size=np.array([8, 2]), step=SimpleNamespace(dt=np.array([[0.8, 0.2]])))
     clock = SimpleNamespace(level=1, evolving=0, fine_steps=3, base_steps=0)
-    runs = SimpleNamespace(clock=[clock], variant=[SimpleNamespace(step=0)])
+    runs = SimpleNamespace(clock=[clock], variant=[SimpleNamespace(step=0)], samples=[0], supports=None)
     work = SimpleNamespace(
         w=np.array([[10.0, 20.0, 30.0]]),
         y=np.zeros((1, 3)),
@@ -152,7 +152,7 @@ def test_a_step_within_a_base_step_has_its_share_of_the_added_jumps(monkeypatch)
         start_shift=np.array([[1.0, -2.0, 4.0]]),
         end_shift=np.array([[3.0, 2.0, -4.0]]),
     )
-    model = SimpleNamespace(carried=None, conserving=None, R=np.zeros((0, 0)))
+    model = SimpleNamespace(carried=np.zeros((0, 0)), conserving=None, R=np.zeros((0, 0)))
     state = SimpleNamespace(closed=np.ones(1, dtype=bool))
     assert loop._try_step.py_func(model, levels, runs, state, work, 0, 1e-8) == (False, 1)
     assert found[0] == pytest.approx([10 + 2.25, 20 + 0.5, 30 - 1.0])

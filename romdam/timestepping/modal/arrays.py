@@ -38,7 +38,7 @@ class ModalModel(NamedTuple):
     shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
     ground_jump : (components, N) jump of the modes that are no states per unit ground acceleration, or (0, 0)
         [s2]
-    carried : (N, m) jumps that moving supports make, None without
+    carried : (N, m) jumps that unit displacements of moving supports make, or (0, 0)
     """
 
     static: Floats
@@ -49,7 +49,7 @@ class ModalModel(NamedTuple):
     conserving: bool | None
     shift: Floats
     ground_jump: Floats
-    carried: Floats | None
+    carried: Floats
 
 
 class StepHierarchy(NamedTuple):

@@ -177,21 +177,17 @@ def added_jumps(model: ModalModel, sample: int, acc: Floats, jump: Floats) -> No
 
 
 @njit(cache=True)
-def add_carried(
-    carried: Floats | None, motion: Floats, first: int, share: float, dt: float, jump: Floats
-) -> None:
+def add_carried(carried: Floats, motion: Floats, first: int, share: float, dt: float, jump: Floats) -> None:
     """Add the jumps that moving supports make within a base step, exactly for linear acceleration.
 
     Parameters
     ----------
-    carried : (N, m)
+    carried : (N, m), or (0, 0) where no support moves by itself
     motion : (3 m, samples) acceleration, velocity and displacement of the supports
     first : sample at which the base step begins
     share : how far into it, from 0 to 1
     dt : its length [s]
     """
-    if carried is None:
-        return
     t, m = share * dt, carried.shape[1]
     for k in range(m):
         start, change = motion[k, first], motion[k, first + 1] - motion[k, first]

@@ -198,9 +198,8 @@ def _try_step(
     variant = runs.variant[run].step
     for i in range(len(shift)):
         shift[i] = start[i] + share * (end[i] - start[i])
-    if model.carried is not None:
-        first = runs.samples[run] + runs.clock[run].base_steps
-        add_carried(model.carried, runs.supports, first, share, levels.step.dt[variant, BASE], shift)
+    first = runs.samples[run] + runs.clock[run].base_steps
+    add_carried(model.carried, runs.supports, first, share, levels.step.dt[variant, BASE], shift)
     if runs.clock[run].evolving and l < finest:
         return False, np.inf
     copy(memory.force, old_force)

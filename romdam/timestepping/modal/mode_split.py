@@ -140,7 +140,9 @@ def modal_model(
         conserving=True if massless_boundary else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
         ground_jump=np.ascontiguousarray(ground_jump.T) if ground_jump.any() else np.zeros((0, 0)),
-        carried=None if system.pseudo_static is None else np.ascontiguousarray(system.pseudo_static.jump),
+        carried=np.ascontiguousarray(
+            np.zeros((0, 0)) if system.pseudo_static is None else system.pseudo_static.jump
+        ),
     )
 
 

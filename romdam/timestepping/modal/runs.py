@@ -178,7 +178,7 @@ def _arrays(
             _go_on(at(memory, run), runs, run, start.final, levels)
     rows = rows_like(at(states.recorded, 0), int(rows_of_runs.sum()))
     put(rows, runs.rows, states.recorded)
-    added = len(model.shift) > 0 or len(model.ground_jump) > 0 or model.carried is not None
+    added = len(model.shift) > 0 or len(model.ground_jump) > 0 or len(model.carried) > 0
     work = new_work(states, added)
     # the external force, and the added jumps, at both ends of the first base step
     work.f_0[:] = states.f
@@ -188,7 +188,7 @@ def _arrays(
             jumps += model.shift[sample]
         for answer, a in zip(model.ground_jump, runs.acc[:, runs.samples + sample], strict=False):
             jumps += a[:, None] * answer
-    if model.carried is not None:
+    if len(model.carried):
         disp = runs.supports[-model.carried.shape[1] :, runs.samples]
         work.last_shift[:] = (model.carried @ disp).T
     probes = prepared.system.observe.shape[0]
