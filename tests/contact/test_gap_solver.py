@@ -14,6 +14,7 @@ from romdam.contact.cone import project_shear
 from romdam.contact.problem import gap_memory, gap_problem
 from romdam.contact.solvers import continuation
 from romdam.contact.solvers import gauss_seidel as frictional
+from romdam.contact.solvers.newton import worst_gap
 from romdam.contact.solvers.single_contact import solve_gap
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.errors import ConfigError
@@ -350,6 +351,16 @@ def test_one_iteration_of_newton_solves_what_slides_on(mu, signs):
     assert continuation.newton(W, memory.limits, memory, y_free, y, TOLERANCE) <= TOLERANCE
     np.testing.assert_allclose(memory.force, force_of(5000.0), rtol=1e-9)
     assert memory.solver.sweeps.counts.iterations == 1
+
+
+def test_the_gap_that_is_named_is_the_one_farthest_from_its_law():
+    """Unpressed gaps that overlap by 1, 5 and 2 um are to gain 10, 50 and 20 N at 1e-7 m/N."""
+    law = GapLaw(np.full(3, np.inf), np.zeros(3), np.zeros(3), np.full((3, 2), 0.5), np.zeros(3), {})
+    problem = gap_problem(1e-7 * np.eye(9), law)
+    y = np.zeros(9)
+    for overlaps in ([1e-6, 5e-6, 2e-6], [5e-6, 1e-6, 2e-6], [1e-6, 2e-6, 5e-6]):
+        y[::3] = np.negative(overlaps)
+        assert worst_gap(problem.W, gap_memory(problem).limits, np.zeros(9), y) == np.argmax(overlaps)
 
 
 def bodies_on_many_gaps(seed, bodies, each, K_n):

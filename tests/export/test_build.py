@@ -5,6 +5,7 @@ import io
 import math
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from romdam.core.errors import ConfigError
 from romdam.export.abaqus import write_abaqus
 from romdam.export.build import build_deck
 from romdam.export.calculix import write_calculix
+from romdam.export.deck import Deck
 from romdam.export.opensees import write_opensees
 from romdam.fem.gaps import gap_operators
 
@@ -248,3 +250,13 @@ def test_springs_of_an_elastic_joint_in_keywords(write):
             along[lines[k + 1]] += (k - first - 1) * float(lines[k + 2])
     assert along == pytest.approx(dict.fromkeys("23", deck.gaps.law.K_s.sum()), rel=1e-9)
     assert not any("Left out" in text or "no limit" in text for text in stated)
+
+
+def test_added_mass_is_that_of_three_masses_along_their_axes():
+    """Of any inclined face: the sum of m e e^T over the directions of a point."""
+    root = np.array([[3.0, 0.4, -1.0], [0.7, 2.0, 0.5], [1.1, -0.6, 5.0]])
+    added = np.stack([np.zeros((3, 3)), root @ root.T])
+    wet = list(Deck.wet(SimpleNamespace(added_mass=added)))
+    assert [point for point, _, _ in wet] == [1, 1, 1]
+    total = sum(mass * np.outer(axis, axis) for _, mass, axis in wet)
+    np.testing.assert_allclose(total, added[1], rtol=1e-12)

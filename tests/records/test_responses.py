@@ -5,6 +5,7 @@ import pytest
 from linear_filter import filtered
 
 from romdam.config.sections.motions.records import read_entry
+from romdam.records.processing.response import remove_response
 from romdam.records.record_set import load_motions
 
 FINER = 16
@@ -107,3 +108,12 @@ def test_a_record_cut_amid_its_motion_is_not_tapered(tmp_path):
     motion = recorded(tmp_path, "servo accelerometer", acc, rate)
     ends = np.r_[20:100, -100:-20]
     np.testing.assert_allclose(motion.acc[0, ends], acc[::FINER][ends], atol=3e-3)
+
+
+def test_a_record_that_ends_while_it_moves_comes_back_to_its_last_sample():
+    """A flat response divided out: counts over 50, mean and ends too; beyond its ends it goes on to zero."""
+    t = 0.01 * np.arange(2000)
+    counts = 400.0 * np.cos(0.5 * np.pi * t) + 20.0 * t
+    acc, _, _ = remove_response(counts, 0.01, lambda freq, *, native: np.full(freq.shape, 50.0 + 0j))
+    assert abs(counts[-1] - counts.mean()) > 200.0
+    np.testing.assert_allclose(acc, counts / 50.0, atol=2e-3 * np.abs(counts).max() / 50.0)

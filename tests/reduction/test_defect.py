@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hand_systems import gap_law, sparse_system
+from scipy.linalg import eigh
 from scipy.sparse import csr_matrix
 from simulating import prepared_for
 from small_scenes import DAMPING, full, march, raw, reduced, scene, shaking
@@ -194,3 +196,47 @@ def test_finer_basis_answers_the_inertia_of_the_water(model):
     assert lowest[0] / lowest[2] - 1.0 > 5e-5 and 0.0 <= lowest[1] / lowest[2] - 1.0 < 1e-5
     own, finer, true = (march(one).jump[..., 0] for one in models)
     assert relative_l2(own, finer) == pytest.approx(relative_l2(own, true), rel=0.1)
+
+
+def test_replay_follows_what_shakes_near_resonance():
+    """u'' + a^2 u = -sin(b t) at 2 and 3 Hz: (b/a sin(a t) - sin(b t)) / (a^2 - b^2), to second order."""
+    omega_0, omega = 4.0 * np.pi, 6.0 * np.pi
+    system = sparse_system(1.0, omega_0**2, [[0.0]], gap_law(1), load=1.0)
+    time = 0.05 * np.arange(41)
+    exact = (omega / omega_0 * np.sin(omega_0 * time) - np.sin(omega * time)) / (omega_0**2 - omega**2)
+    errors = []
+    for substeps in (10, 20, 40):
+        t = 0.05 / substeps * np.arange(40 * substeps + 1)
+        what = Forces(
+            np.outer([1.0, 0, 0], np.sin(omega * t)), np.zeros((41, 1)), np.zeros(1), 0.05, substeps
+        )
+        found = np.array(list(replay(Replayed(system, np.zeros(1)), what)))[:, 0]
+        errors.append(relative_l2(found, exact))
+    assert errors[-1] < 1e-3
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx([2.0, 2.0], abs=0.1)
+
+
+def test_jumps_at_points_are_defects_of_the_finer_model():
+    """Two masses: all of their modes have no defect at the gap's very position, one has some."""
+    mesh = sparse_system(
+        np.diag([3.0, 5.0]), [[700.0, -200.0], [-200.0, 900.0]], [[1.0, -1.0]], gap_law(1), load=[3.0, 5.0]
+    )
+    more = np.array([[0.3, -0.2]])
+    mesh = replace(mesh, at_point=csr_matrix(more))
+    k, V = eigh(mesh.K.toarray(), mesh.M.toarray())
+
+    def in_modes(count):
+        some = V[:, :count]
+        small = sparse_system(np.eye(count), np.diag(k[:count]), mesh.B @ some, gap_law(1))
+        return replace(
+            small, load=some.T @ mesh.load, observe=csr_matrix(some), at_point=csr_matrix(more @ some)
+        )
+
+    ground = np.outer([1.0, 0, 0], np.sin(40.0 * 0.005 * np.arange(101)))
+    what = Forces(ground, np.full((11, 1), 2.0), np.full(1, 2.0), 0.05, 10)
+    models = [Replayed(system, np.zeros(system.size)) for system in (mesh, in_modes(1), in_modes(2))]
+    models[1] = replace(models[1], basis=V[:, :1])
+    defect = measure_defect(tuple(models), what)
+    size = np.abs(defect.jump_full).max()
+    assert np.abs(defect.jump).max() > 1e-3 * size and np.abs(defect.jump_fine).max() < 1e-9 * size
+    assert np.abs(defect.point_fine).max() < 1e-9 * size

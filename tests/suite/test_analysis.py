@@ -341,3 +341,30 @@ def test_correlation_counts_records_within_a_scale():
 def test_two_records_are_too_few_to_correlate():
     sa = np.array([[1.0, 2.0], [3.0, 6.0]])
     assert "2 records are too few" in correlation(summary_of(sa[..., None], sa)).attrs["statement"]
+
+
+def test_what_curves_say_of_a_threshold_by_hand():
+    """0.5 at 1 and 2 at 4 cross 1 at 2; the next is above at its first intensity, the last below at 5."""
+    sa = np.array([[1.0, 4.0], [1.5, 3.0], [0.7, 5.0]])
+    response = np.array([[0.5, 2.0], [2.0, 3.0], [0.2, 0.4]])
+    found = fragility(summary_of(response[..., None], sa), "peak_opening", 1.0)
+    # three at risk at 1.5, two at 2: 1/3 and 1 - (2/3)(1/2)
+    np.testing.assert_allclose(found.group_intensity, [1.5, 2.0])
+    np.testing.assert_allclose(found.group_share, [1 / 3, 2 / 3])
+
+
+def test_groups_of_runs_stand_at_their_mean_in_logarithms():
+    """Ten runs of unlike intensities in two groups: (1 2 3 4 5)^(1/5) and (6 7 8 9 10)^(1/5)."""
+    sa = np.arange(1.0, 11.0)[:, None]
+    response = np.where(np.isin(np.arange(10), [1, 5, 7, 8]), 2.0, 0.5)[:, None, None]
+    found = fragility(summary_of(response, sa), "peak_opening", 1.0)
+    assert found.attrs["method"] == "stripes"
+    np.testing.assert_allclose(found.group_intensity, [120.0**0.2, 30240.0**0.2])
+    np.testing.assert_allclose(found.group_share, [0.2, 0.6])
+
+
+def test_effect_of_a_sample_that_failed_in_a_strong_record():
+    """Logarithms -1, 0, 1 and 2, 3, none: less 0 and 2.5 they are -1 and -0.5, 0 and 0.5, 1."""
+    logarithm = np.array([[-1.0, 0.0, 1.0], [2.0, 3.0, np.nan]])
+    summary = summary_of(np.exp(logarithm)[:, None], np.ones((2, 1)), {"friction": [0.3, 0.5, 0.9]})
+    np.testing.assert_allclose(sensitivity(summary).effect, [-0.75, 0.25, 1.0])
