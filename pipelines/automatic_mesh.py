@@ -24,7 +24,7 @@ from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.error.discretisation import OVER_COARSER_QUADRATIC, MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement, percent
 from romdam.pipelines.error.sibling import MANY_MORE
-from romdam.pipelines.simulation import Model
+from romdam.pipelines.simulation import RunModel
 from romdam.results.case import Case
 from romdam.timestepping.prepared import Progress
 
@@ -65,7 +65,7 @@ class MeshChoice:
     total: float
     statement: ErrorStatement
 
-    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
+    def state(self, model: RunModel, case: Case, progress: Progress) -> ErrorStatement:
         """State the error of the mesh in a run: that of the run which it was chosen on."""
         return self.statement
 

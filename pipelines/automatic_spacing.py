@@ -14,7 +14,7 @@ from romdam.error.statement import percent
 from romdam.pipelines.automatic_modes import FIRST, with_modes, with_vectors
 from romdam.pipelines.error.sibling import run_of
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.simulation import Model, as_run, prepare, simulate_motion
+from romdam.pipelines.simulation import RunModel, as_run, prepare, simulate_motion
 from romdam.records.processing.resampling import strongest_part
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
@@ -91,5 +91,5 @@ def _run(job: Job, motion: GroundMotion, store: BlockStore | None) -> MeshRun:
     """Run a job without the stress of its modes."""
     scene = scene_of(job)
     reduced = reduce_scene(scene, job.config.model, job.config.damping, store)
-    model = Model(scene, prepare(job, reduced.system), reduced)
+    model = RunModel(scene, prepare(job, reduced.system), reduced)
     return run_of(model, simulate_motion(job, model.prepared, motion), None)

@@ -7,11 +7,11 @@ from dataclasses import replace
 from romdam.config.load import Job
 from romdam.core.system import History, RestBalance
 from romdam.fem.balance import balance_at_rest, refuse_unbalanced
-from romdam.pipelines.simulation import Model
+from romdam.pipelines.simulation import RunModel
 from romdam.results.case import rock_blocks, water_at_rest
 
 
-def with_balance(job: Job, model: Model, history: History) -> History:
+def with_balance(job: Job, model: RunModel, history: History) -> History:
     """The history with the balance of its forces at rest, where it begins there.
 
     Runs of one model begin in one state, whose balance is formed once.

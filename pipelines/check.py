@@ -32,7 +32,7 @@ from romdam.pipelines.run import (
     silent,
     usable_motions,
 )
-from romdam.pipelines.simulation import Model, refuse_large, settings_for
+from romdam.pipelines.simulation import RunModel, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.stability import job_after
 from romdam.pipelines.suites.plan import Plan, make_plan
@@ -59,7 +59,7 @@ SECONDS_PER_FULL_UNKNOWN = 5e-7  # one back-substitution and the residual, per s
 
 
 @dataclass(frozen=True)
-class Check:
+class CheckedJob:
     """Sizes, frequencies and estimates.
 
     Attributes
@@ -103,7 +103,7 @@ class Check:
 
 @one_thread()
 @naming_lines
-def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check:
+def check(job: Source, show: Stage = silent, cache: Path | None = None) -> CheckedJob:
     """Validate a job as far as can be without integrating it.
 
     Parameters
@@ -125,7 +125,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.pipeline != "comparison":
         return _check(job, clock, open_store(cache))
     asked, variants = comparable_variants(job)
-    checks, failed = dict[str, Check](), list[str]()
+    checks, failed = dict[str, CheckedJob](), list[str]()
     for name, variant in variants.items():
         try:
             checks[name] = _check(variant, clock, open_store(cache))
@@ -155,7 +155,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
 
 
 @naming_lines
-def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
+def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
     """A job with one model."""
     asked, plan, sibling = job, None, None
     if job.config.transient.total_accuracy is not None:
@@ -231,7 +231,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
         if store is None:  # else a run finds the reduced blocks
             costs["reduction"] = clock.cpu["model"] + clock.cpu.get("mesh_model", 0.0)
         costs = {name: costs.get(name, 0.0) for name in COSTS}
-    return Check(
+    return CheckedJob(
         blocks={name: _block(model, name) for name in scene.blocks},
         joints={
             name: {
@@ -283,7 +283,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> Check:
     )
 
 
-def _skipped(job: Job, model: Model, plan: Plan | None, closed: bool, timed: bool) -> Iterator[str]:
+def _skipped(job: Job, model: RunModel, plan: Plan | None, closed: bool, timed: bool) -> Iterator[str]:
     """Tell what a run looks at, and a check does not."""
     yield "whether every time step converges and the energy ledger closes"
     if not timed:
@@ -326,7 +326,7 @@ def _skipped(job: Job, model: Model, plan: Plan | None, closed: bool, timed: boo
     yield "room on the disk"
 
 
-def _solvers(job: Job, model: Model) -> Iterator[str]:
+def _solvers(job: Job, model: RunModel) -> Iterator[str]:
     """Tell which parts are solved by multigrid, as factors do not fit."""
     if model.reduced is None or job.config.model.modes == "all":
         return
@@ -336,7 +336,7 @@ def _solvers(job: Job, model: Model) -> Iterator[str]:
         yield without_factors(unknowns, choice.columns, choice.solving, f"part {name}")
 
 
-def _block(model: Model, name: str) -> dict[str, object]:
+def _block(model: RunModel, name: str) -> dict[str, object]:
     block = model.scene.blocks[name]
     numbers: dict[str, object] = {
         "element": block.element,

@@ -15,7 +15,7 @@ from romdam.core.threads import cpu_time
 from romdam.error.estimate import LATE, QUIET, WINDOW, rocks_on_joints
 from romdam.pipelines.error.estimate import with_estimates
 from romdam.pipelines.error.sibling import NoSibling, Sibling
-from romdam.pipelines.simulation import Model, settings_for, simulate_motion
+from romdam.pipelines.simulation import RunModel, settings_for, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.records.measures import moving, significant_duration
 
@@ -42,7 +42,7 @@ _JOINT_FIGURES = 0.6  # for each of its joints
 
 def run_costs(
     job: Job,
-    model: Model,
+    model: RunModel,
     motions: Sequence[GroundMotion],
     runs: int = 1,
     sibling: Sibling | NoSibling | None = None,
@@ -153,7 +153,7 @@ def of_whole(
 
 def _run_parts(
     job: Job,
-    model: Model,
+    model: RunModel,
     sibling: Sibling | NoSibling | None,
     motion: GroundMotion,
     share: float,

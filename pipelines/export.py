@@ -14,7 +14,7 @@ from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.export import build, matrices
 from romdam.export.codes import CODES
-from romdam.export.deck import Motion
+from romdam.export.deck import DeckMotion
 from romdam.fem.gaps import gap_law
 from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.input_motions import records_of, usable
@@ -79,7 +79,7 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         dt = options.dt or transient.finest_step or record.dt / _CUTS
         stride = max(1, round((job.config.outputs.output_interval or dt) / dt))
         acc = ground_at_steps(record, dt, options.duration or transient.duration)
-        motion = Motion(record.name, acc, dt, stride)
+        motion = DeckMotion(record.name, acc, dt, stride)
     with clock.stage("scene", "building the scene"), placed(job.path):
         scene = scene_of(job)
         for line in with_lines(job, scene.remarks):

@@ -12,7 +12,7 @@ from romdam.core.errors import ConfigError, describe_error, recoverable
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History
-from romdam.pipelines.simulation import Model, ground_at_steps, settings_for
+from romdam.pipelines.simulation import RunModel, ground_at_steps, settings_for
 from romdam.postprocess.floor_spectra import (
     FloorSpectra,
     broadened,
@@ -55,7 +55,7 @@ def refuse_fast_oscillators(job: Job, motions: Iterable[GroundMotion]) -> None:
 
 
 def floors_of(
-    job: Job, model: Model, motion: GroundMotion, history: History
+    job: Job, model: RunModel, motion: GroundMotion, history: History
 ) -> tuple[History, FloorSpectra | None]:
     """Compute the floor spectra that a job asks for, and their error where estimates are wanted.
 
@@ -90,7 +90,7 @@ def _spectra(asked: FloorSpectraConfig, scene: Scene, history: History) -> Floor
     return floor_spectra(history.every_step, places, asked.dampings, asked.frequencies)
 
 
-def _highest_mode(model: Model) -> float | None:
+def _highest_mode(model: RunModel) -> float | None:
     """Frequency of the highest mode kept of the block that keeps fewest [Hz]; None where all are kept."""
     if model.reduced is None:
         return None
@@ -101,7 +101,7 @@ def _highest_mode(model: Model) -> float | None:
     return min(highest, default=None)
 
 
-def _better_run(job: Job, model: Model, motion: GroundMotion, history: History) -> tuple[History, str]:
+def _better_run(job: Job, model: RunModel, motion: GroundMotion, history: History) -> tuple[History, str]:
     """The same run with half the steps, and with the finer basis where there is one; what it has more."""
     prepared, words = model.prepared, "Halving the steps"
     if model.finer is not None and not model.finer.not_finer:

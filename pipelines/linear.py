@@ -28,7 +28,7 @@ from romdam.pipelines.job_warnings import log_warnings, with_scene_warnings
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Goal, Stage, draw, run_motion, silent, usable_motions, write_shared
-from romdam.pipelines.simulation import Model, as_run, prepare
+from romdam.pipelines.simulation import RunModel, as_run, prepare
 from romdam.pipelines.stresses import stress_fields
 from romdam.postprocess.response_spectrum import (
     Spectrum,
@@ -38,7 +38,7 @@ from romdam.postprocess.response_spectrum import (
     spectrum_of_motion,
 )
 from romdam.postprocess.stages import STAGES, stage_table
-from romdam.postprocess.variant_tables import Table
+from romdam.postprocess.variant_tables import VariantTable
 from romdam.records.design.target import evaluate
 from romdam.reduction.natural_modes import total_mass
 from romdam.reduction.storage.model_file import BlockStore
@@ -47,7 +47,7 @@ from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.dataset import job_labels, library_versions, record_labels, write_dataset
 from romdam.results.joint_traction import joint_sites
-from romdam.results.response_spectrum import Structure, spectrum_dataset, structure_of, tension_over_time
+from romdam.results.response_spectrum import SpectrumModel, spectrum_dataset, structure_of, tension_over_time
 from romdam.results.stress.file import StressFields
 from romdam.results.table import write_csv
 from romdam.scene.ties import tie_joints
@@ -73,8 +73,8 @@ class LinearModel:
     job: Job
     stage: LinearStageConfig
     scene: Scene
-    model: Model
-    structure: Structure
+    model: RunModel
+    structure: SpectrumModel
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class LinearOutcome:
     """The linear stages of all records, their tables, the files, and record -> why it could not be read."""
 
     stages: dict[str, LinearStage]
-    tables: tuple[Table, ...]
+    tables: tuple[VariantTable, ...]
     paths: tuple[Path, ...]
     failures: dict[str, str]
 
@@ -213,20 +213,20 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
             )
         prepared = prepare(job, system)
     with clock.stage("linear_stress", "stress of the modes, joints tied"):
-        model = Model(tied, prepared, reduced)
+        model = RunModel(tied, prepared, reduced)
         fields = _stress(scene, model)
         model = replace(model, stress=fields)
         at_joints = None
         if scene.joints:
             sites = joint_sites(scene)
             at_joints = _stress(
-                replace(scene, stress=sites), Model(replace(tied, stress=sites), prepared, reduced)
+                replace(scene, stress=sites), RunModel(replace(tied, stress=sites), prepared, reduced)
             )
         structure = structure_of(scene, system, fields, at_joints, job.config.loads.begins)
     return LinearModel(job, stage, scene, model, structure)
 
 
-def _stress(scene: Scene, model: Model) -> dict[str, StressFields]:
+def _stress(scene: Scene, model: RunModel) -> dict[str, StressFields]:
     """Stress of the modes; what acted before the joints were grouted acted on the blocks of `scene` alone."""
     fields = stress_fields(model.scene, model.reduced)
     if not scene.staged_weight:
@@ -340,7 +340,7 @@ def linear_stage(linear: LinearModel, motion: GroundMotion, folder: Path, clock:
 
 def write_stages(
     stages: Mapping[str, LinearStage], nonlinear: Mapping[str, xr.Dataset], folder: Path
-) -> tuple[list[Table], list[Path]]:
+) -> tuple[list[VariantTable], list[Path]]:
     """Write a table for each record: the response spectrum, the linear history, and the nonlinear run."""
     tables, paths = [], []
     for record, stage in stages.items():

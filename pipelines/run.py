@@ -46,7 +46,7 @@ from romdam.pipelines.floor_spectra import floors_of, refuse_fast_oscillators
 from romdam.pipelines.input_motions import Read, job_and_motions, records_of, usable
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings, step_warnings
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
-from romdam.pipelines.simulation import Model, prepare, simulate_motion
+from romdam.pipelines.simulation import RunModel, prepare, simulate_motion
 from romdam.pipelines.sizes import refuse_lengths
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.summary import (
@@ -56,7 +56,7 @@ from romdam.pipelines.summary import (
     refuse_unmeasured,
     write_summary_files,
 )
-from romdam.postprocess.variant_tables import Table
+from romdam.postprocess.variant_tables import VariantTable
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.storage.user_cache import open_store
 from romdam.reduction.synthesis import reduce_scene
@@ -66,7 +66,7 @@ from romdam.results.fields import Result, open_result, write_model
 from romdam.results.stored_run import FOLDER, folder_from
 from romdam.results.stress.file import write_stress
 from romdam.results.suite.report_data import DATA
-from romdam.results.suite.rows import Row
+from romdam.results.suite.rows import SuiteRow
 from romdam.results.variables import Case
 from romdam.timestepping.simulate import refuse_other_start
 
@@ -107,7 +107,7 @@ class Outcome:
     unkept: tuple[Result, ...] = field(default=(), repr=False)
     lone: xr.Dataset | None = field(default=None, repr=False)
     written: tuple[tuple[Path, str], ...] = field(default=(), repr=False)
-    stages: tuple[Table, ...] = field(default=(), repr=False)
+    stages: tuple[VariantTable, ...] = field(default=(), repr=False)
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
@@ -158,7 +158,7 @@ class Goal(NamedTuple):
 
 
 MeshErrorSource = Sibling | NoSibling | MeshChoice  # they state the error of the mesh in a run
-Target = tuple[Goal, Callable[[], tuple[Model, dict[str, str]]]]
+Target = tuple[Goal, Callable[[], tuple[RunModel, dict[str, str]]]]
 
 
 @dataclass
@@ -277,7 +277,7 @@ def _run(
     written_now = {*paths, *files, *([goal.folder / DATA] if files else [])}
     others = tuple(path for path in sorted(goal.folder.glob("*.nc")) if path not in written_now)
     lone = last.dataset if last and len(read) == 1 else None
-    stages: tuple[Table, ...] = ()
+    stages: tuple[VariantTable, ...] = ()
     if linear:
         from romdam.pipelines.linear import write_stages  # it imports this module
 
@@ -340,14 +340,14 @@ def build_sibling(
 
 def _run_all(
     job: Job,
-    model: Model,
+    model: RunModel,
     motions: Sequence[GroundMotion],
     target: Target,
     clock: Clock,
     of_mesh: MeshErrorSource | None,
     *,
     lone: bool,
-) -> tuple[dict[str, Row], FinishedRun | None, dict[str, str]]:
+) -> tuple[dict[str, SuiteRow], FinishedRun | None, dict[str, str]]:
     """Run the records of a job, the figures of each drawn before the next or beside it; a failure is a row.
 
     Returns
@@ -359,18 +359,18 @@ def _run_all(
     RomdamError
         for a lone record that fails or whose figures do, and where what all records share cannot be made.
     """
-    rows, last, unseen = dict[str, Row](), None, replace(clock, show=silent)
+    rows, last, unseen = dict[str, SuiteRow](), None, replace(clock, show=silent)
     undrawn = dict[str, str]()
     for motion in motions:
         with in_background(partial(_drawn, last, target[0], unseen), model.mesh_unknowns) as drawn:
             try:
                 last = run_motion(job, model, motion, target, clock, of_mesh)
-                rows[motion.name] = Row("", kept=last.kept) if lone else last.row(job)
+                rows[motion.name] = SuiteRow("", kept=last.kept) if lone else last.row(job)
             except recoverable() as error:
                 target[1]()  # an error of its own is one of all records
                 if lone:
                     raise
-                last, rows[motion.name] = None, Row("", describe_error(error))
+                last, rows[motion.name] = None, SuiteRow("", describe_error(error))
             undrawn |= drawn()
     return rows, last, undrawn | _drawn(last, target[0], clock, lone=lone)
 
@@ -389,7 +389,7 @@ def _drawn(finished: FinishedRun | None, goal: Goal, clock: Clock, *, lone: bool
     return {}
 
 
-def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, str]]:
+def _shared(model: RunModel, goal: Goal, clock: Clock) -> tuple[RunModel, dict[str, str]]:
     """The model with the stress of its modes, and the files beside all results; what draws is loaded, too.
 
     None of it is asked for before the first record is integrated.
@@ -402,7 +402,7 @@ def _shared(model: Model, goal: Goal, clock: Clock) -> tuple[Model, dict[str, st
     return model, files
 
 
-def write_shared(folder: Path, model: Model, *, rock: bool) -> dict[str, str]:
+def write_shared(folder: Path, model: RunModel, *, rock: bool) -> dict[str, str]:
     """Write what all results of a model share: attribute of the results -> file name.
 
     Parameters
@@ -492,7 +492,7 @@ def build_model(
     *,
     estimated: bool = False,
     scene: Scene | None = None,
-) -> Model:
+) -> RunModel:
     """Scene and system, reduced or not as the configuration says.
 
     Parameters
@@ -507,7 +507,7 @@ def build_model(
     if job.config.model.order == "full":
         with clock.stage("model", "assembling the full model"), placed(job.path):
             full = observing_stress(scene, assemble_full(scene, job.config.damping))
-            return Model(scene, prepare(job, full), None)
+            return RunModel(scene, prepare(job, full), None)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         return reduced_model(job, scene, store, estimated=estimated)
 
@@ -519,18 +519,18 @@ def reduced_model(
     *,
     estimated: bool,
     also: Sequence[Scene] | None = None,
-) -> Model:
+) -> RunModel:
     """A scene's reduced model; see `build_model`, and `romdam.reduction.synthesis.reduce_scene_twice`."""
     if estimated:
         reduced, finer, finer_dry = variable_models(job, scene, store, also)
-        return Model(scene, prepare(job, reduced.system), reduced, finer, finer_dry=finer_dry)
+        return RunModel(scene, prepare(job, reduced.system), reduced, finer, finer_dry=finer_dry)
     reduced = reduce_scene(scene, job.config.model, job.config.damping, store, also=also)
-    return Model(scene, prepare(job, reduced.system), reduced)
+    return RunModel(scene, prepare(job, reduced.system), reduced)
 
 
 def run_motion(
     job: Job,
-    model: Model,
+    model: RunModel,
     motion: GroundMotion,
     target: Target,
     clock: Clock,
@@ -587,7 +587,7 @@ def run_motion(
 
 
 def _estimated(
-    job: Job, model: Model, motion: GroundMotion, history: History, clock: Clock
+    job: Job, model: RunModel, motion: GroundMotion, history: History, clock: Clock
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate a run's error, see `with_estimates`; nothing is timed where none is made."""
     if model.reduced is None or not can_estimate(job):

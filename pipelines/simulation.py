@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Model:
+class RunModel:
     """A scene and its prepared system; no `reduced` at full order, no `finer` without an error estimate.
 
     `stress` holds, block by block, the stress of the reduced coordinates where it is asked for; `finer_dry`

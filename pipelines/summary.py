@@ -19,7 +19,7 @@ from romdam.pipelines.input_motions import Read
 from romdam.records.components import check_components
 from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
-from romdam.results.suite.rows import Kept, Row, row_values
+from romdam.results.suite.rows import Kept, SuiteRow, row_values
 from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
 from romdam.results.table import refuse_without_xlsx, write_tables
 from romdam.results.variables import Case
@@ -39,14 +39,14 @@ class FinishedRun:
         """Its file, and what tells it from that of another run."""
         return Kept(self.path.name, "", run_identity(self.dataset.attrs), {})
 
-    def row(self, job: Job) -> Row:
+    def row(self, job: Job) -> SuiteRow:
         """The run as a row of a summary."""
         motion = self.case.motion
         key = fingerprint((job.digest, motion.acc, motion.dt))
         stated = dict(zip(("wall_seconds", "cpu_seconds"), self.seconds, strict=True))
         stated |= row_errors(self.dataset.attrs)
         warnings = tuple(json.loads(self.dataset.attrs["run_warnings"]))
-        return Row(key, "", row_values(self.case, stated), self.kept, warnings=warnings)
+        return SuiteRow(key, "", row_values(self.case, stated), self.kept, warnings=warnings)
 
 
 def refuse_summary(job: Job, folder: Path | None, *files: str) -> None:
@@ -98,7 +98,7 @@ def write_summary_files(summary: xr.Dataset, job: Job, folder: Path) -> tuple[Pa
     return (write_summary(summary, folder), *write_tables(summary, folder, job.config.outputs.xlsx))
 
 
-def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, Row]) -> xr.Dataset:
+def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, SuiteRow]) -> xr.Dataset:
     """The summary of a plain job's records, those that failed too.
 
     Parameters

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 from romdam.core.version import VERSION as __version__
 
 if TYPE_CHECKING:
+    from romdam.config.job import Config
     from romdam.config.load import Job
-    from romdam.config.sections.job import Config
     from romdam.core.errors import (
         ConfigError,
         ConvergenceError,
@@ -56,7 +56,7 @@ _LAZY = {
     name: module
     for module, names in {
         "romdam.config.load": ("Job",),
-        "romdam.config.sections.job": ("Config",),
+        "romdam.config.job": ("Config",),
         "romdam.core.errors": (
             "ConfigError", "ConvergenceError", "MeshError", "RecordError", "ReductionError", "ResultError",
             "RomdamError", "WorkerError", "WriteError",

@@ -57,7 +57,7 @@ def unrendered(monkeypatch):
 
     # modules that take the function as they are loaded must not take the dot for good
     from romdam.visual import field_views, mode_views, plots, scene_view
-    from romdam.visual.report.parts import Picture
+    from romdam.visual.report.parts import PagePicture
 
     def dot(figure, path):
         with replacing(path) as unfinished:
@@ -66,7 +66,9 @@ def unrendered(monkeypatch):
 
     for module in (plots, field_views, mode_views, scene_view):
         monkeypatch.setattr(module, "save_figure", dot)
-    monkeypatch.setattr(Picture, "_saved", lambda self, kind, dpi=None: b"<svg/>" if kind == "svg" else _DOT)
+    monkeypatch.setattr(
+        PagePicture, "_saved", lambda self, kind, dpi=None: b"<svg/>" if kind == "svg" else _DOT
+    )
 
 
 _REST = {

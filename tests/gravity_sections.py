@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from romdam.config import parse_config
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.core.arrays import Floats
 from romdam.core.scene import Material, Scene
 from romdam.scene.build import build_scene

@@ -10,7 +10,7 @@ from reference_run import reference
 from test_cli import call
 
 from romdam.benchmarks import catalogue
-from romdam.benchmarks.case import Case, Quantity, run_cases, select_cases
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue, run_cases, select_cases
 from romdam.benchmarks.catalogue import CASES
 from romdam.core.errors import ConfigError, ConvergenceError
 
@@ -55,8 +55,8 @@ def test_numbers_of_the_two_cantilevers_are_those_of_the_stored_histories():
 
 
 def fake(published=2.0, tolerance=0.01, reason="", ours=2.0):
-    quantity = Quantity("length", published, "m", tolerance, "Somebody (1999)", "printed", reason)
-    return Case("fake", "a rod", (quantity,), lambda: [ours])
+    quantity = PublishedValue("length", published, "m", tolerance, "Somebody (1999)", "printed", reason)
+    return BenchmarkCase("fake", "a rod", (quantity,), lambda: [ours])
 
 
 def test_verdicts():

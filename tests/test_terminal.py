@@ -13,7 +13,7 @@ from rich.console import Console
 
 from romdam import terminal
 from romdam.core.errors import ConfigError
-from romdam.pipelines.check import Check
+from romdam.pipelines.check import CheckedJob
 from romdam.terminal import tables
 from romdam.terminal.lines import info_lines
 
@@ -140,7 +140,7 @@ def test_every_column_of_numbers_has_a_unit_or_counts():
     from romdam.records.listing import HEADINGS, TARGET_HEADINGS
 
     counts = {"nodes", "cells", "free DOFs", "retained DOFs", "modes", "gaps", "steps", "discretization"}
-    found = Check({}, {}, {}, 1, 1.0, 1.0, 1.0, (), (), {"t": {}}, (), ())
+    found = CheckedJob({}, {}, {}, 1, 1.0, 1.0, 1.0, (), (), {"t": {}}, (), ())
     heads = [str(column.header) for table in tables.check_tables(found) for column in table.columns]
     texts = {"block", "element", "joint", "between", "tie", "record", "component", "channel", "target"}
     heads += [*HEADINGS, *TARGET_HEADINGS]

@@ -37,7 +37,7 @@ from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent
-from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for
+from romdam.pipelines.simulation import RunModel, ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
 from romdam.reduction.mode_choice import mode_choice
@@ -184,7 +184,7 @@ def _sampled(
     job: Job,
     run: StoredRun,
     motion: GroundMotion,
-    model: Model,
+    model: RunModel,
     fine: ReducedModel,
     full: Replayed,
     settings: Settings,
@@ -287,7 +287,7 @@ class _Certified:
 
 
 def _replayed(
-    job: Job, run: StoredRun, model: Model, fine: ReducedModel, full: Replayed
+    job: Job, run: StoredRun, model: RunModel, fine: ReducedModel, full: Replayed
 ) -> tuple[Replayed, Replayed, Replayed]:
     """The models that a run is replayed through, from its start."""
     assert model.reduced is not None

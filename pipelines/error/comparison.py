@@ -18,7 +18,7 @@ from romdam.error.variants import comparison_dataset
 from romdam.pipelines.input_motions import records_of
 from romdam.pipelines.jobs import load_config, looked_up
 from romdam.pipelines.run import Clock, Stage, run, silent
-from romdam.postprocess.variant_tables import Table, markdown, variant_tables
+from romdam.postprocess.variant_tables import VariantTable, markdown, variant_tables
 from romdam.results.dataset import write_dataset
 from romdam.results.fields import Result, open_result
 from romdam.results.table import write_csv
@@ -27,17 +27,17 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Comparison:
+class VariantRuns:
     """Variants in one Dataset, its tables, the files, and variant -> message of those that failed."""
 
     dataset: xr.Dataset
-    tables: list[Table]
+    tables: list[VariantTable]
     paths: tuple[Path, ...]
     failures: dict[str, str]
 
 
 @naming_lines
-def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | None = None) -> Comparison:
+def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | None = None) -> VariantRuns:
     """Run every variant of `comparison:` into `out`/<variant> and set them side by side.
 
     Parameters
@@ -68,7 +68,7 @@ def compare(job: Source, out: str | Path, show: Stage = silent, cache: Path | No
         runs = {name: opened.enter_context(open_result(results[name])) for name in done}
         dataset = comparison_dataset({name: result.dataset for name, result in runs.items()}, job, asked)
         paths = _write(folder, dataset, runs, Clock(show))
-    return Comparison(dataset, variant_tables(dataset), paths, failures)
+    return VariantRuns(dataset, variant_tables(dataset), paths, failures)
 
 
 def comparable_variants(job: Job) -> tuple[ComparisonConfig, dict[str, Job]]:

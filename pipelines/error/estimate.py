@@ -13,7 +13,7 @@ from romdam.core.system import History
 from romdam.core.threads import at_once, cpu_time
 from romdam.error.estimate import FinerModel, estimate_error, estimate_time_error, rocks_on_joints
 from romdam.error.statement import ErrorStatement, unknown_estimate
-from romdam.pipelines.simulation import Model, ground_at_steps, prepare, settings_for, source_step
+from romdam.pipelines.simulation import RunModel, ground_at_steps, prepare, settings_for, source_step
 from romdam.reduction.refinement import embedding, parts_without_refinement
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import DryModel, ReducedModel, reduce_scene, reduce_scene_twice
@@ -89,7 +89,7 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
 
 
 def with_estimates(
-    job: Job, model: Model, motion: GroundMotion, history: History
+    job: Job, model: RunModel, motion: GroundMotion, history: History
 ) -> tuple[History, ErrorStatement | None]:
     """Estimate the error of a run's steps, which joins its stats, and of leaving out modes.
 

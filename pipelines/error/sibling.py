@@ -34,7 +34,7 @@ from romdam.fem.stress import observing_stress
 from romdam.geometry.elements import ELEMENTS
 from romdam.pipelines.automatic_modes import with_modes, with_vectors
 from romdam.pipelines.moving_supports import scene_of
-from romdam.pipelines.simulation import Model, prepare, simulate_motion
+from romdam.pipelines.simulation import RunModel, prepare, simulate_motion
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.postprocess.node_spectra import node_spectra
 from romdam.postprocess.stress.summary import StressSummary
@@ -55,7 +55,7 @@ class OtherModel:
     """A job on another mesh or with other contact points, and its model with stress."""
 
     job: Job
-    model: Model
+    model: RunModel
 
     def run(self, case: Case, progress: Progress) -> MeshRun:
         """Run the motion of a case, with the steps that it took."""
@@ -90,7 +90,7 @@ class Sibling:
         meshes = [model for _, model in self.meshes]
         return [*meshes, *(other for other in (self.second, self.points) if other is not None)]
 
-    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
+    def state(self, model: RunModel, case: Case, progress: Progress) -> ErrorStatement:
         """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
 
         Parameters
@@ -123,7 +123,7 @@ class NoSibling:
 
     why: str
 
-    def state(self, model: Model, case: Case, progress: Progress) -> ErrorStatement:
+    def state(self, model: RunModel, case: Case, progress: Progress) -> ErrorStatement:
         """State that what the mesh changes is unknown, and why."""
         return unknown_mesh_error(self.why)
 
@@ -182,11 +182,11 @@ def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
     with placed(job.path):
         if model.order == "full":
             system = observing_stress(scene, assemble_full(scene, job.config.damping))
-            return OtherModel(job, with_stress(Model(scene, prepare(job, system), None)))
+            return OtherModel(job, with_stress(RunModel(scene, prepare(job, system), None)))
         if model.modes == "all" and _unknowns(scene) > _DENSE:
             model = with_vectors(with_modes(job, _MANY_MODES)).config.model
         reduced = reduce_scene(scene, mode_choice(model), job.config.damping, store)
-        with_basis = with_stress(Model(scene, prepare(job, reduced.system), reduced))
+        with_basis = with_stress(RunModel(scene, prepare(job, reduced.system), reduced))
         return OtherModel(job, replace(with_basis, reduced=None))  # several are held beside each other
 
 
@@ -207,17 +207,17 @@ def sibling_jobs(job: Job, *, finer: bool) -> list[SiblingJob]:
     return coarser_by_direction(job) or [SiblingJob(EVERY_DIRECTION, 2.0, on_coarser_mesh(job))]
 
 
-def with_stress(model: Model) -> Model:
+def with_stress(model: RunModel) -> RunModel:
     """The model with the stress of its modes, where the job asks for stress."""
     return replace(model, stress=stress_fields(model.scene, model.reduced))
 
 
-def run_of(model: Model, history: History, stress: StressSummary | None) -> MeshRun:
+def run_of(model: RunModel, history: History, stress: StressSummary | None) -> MeshRun:
     """A run, as runs on other meshes are compared with it; `history` and `stress` as of `stress_of`."""
     spectra = node_spectra(history, len(model.scene.probes))
     return mesh_run(model.scene, history, model.system.law.joints, spectra, stress)
 
 
-def run_with_stress(model: Model, history: History) -> MeshRun:
+def run_with_stress(model: RunModel, history: History) -> MeshRun:
     """The same of a history as integrated, on a model `with_stress`."""
     return run_of(model, *stress_of(model.scene, model.stress, history))

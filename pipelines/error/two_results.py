@@ -11,7 +11,7 @@ from romdam.core.errors import ResultError
 from romdam.core.files import prepare_folder
 from romdam.error.histories import read_histories
 from romdam.error.two_results import side_by_side
-from romdam.postprocess.variant_tables import Table, shown_cell
+from romdam.postprocess.variant_tables import VariantTable, shown_cell
 from romdam.results.table import write_csv
 
 
@@ -20,7 +20,7 @@ class TwoResults:
     """Measure how far two results are apart: Dataset, table, and the files that were written."""
 
     dataset: xr.Dataset
-    table: Table
+    table: VariantTable
     paths: tuple[Path, ...]
 
     def beyond(self, tolerance: float) -> list[str]:
@@ -51,7 +51,7 @@ def compare_results(first: str | Path, second: str | Path, out: str | Path | Non
     return TwoResults(dataset, table, _write(dataset, table, prepare_folder(Path(out))) if out else ())
 
 
-def _table(dataset: xr.Dataset) -> Table:
+def _table(dataset: xr.Dataset) -> VariantTable:
     first, second = dataset.variant.values
     head = ("quantity", "of", "first [mm]", "second [mm]", "L2 [%]", "peak [%]", "late [ms]")
     columns = (
@@ -63,10 +63,12 @@ def _table(dataset: xr.Dataset) -> Table:
         (1e3 * dataset.phase).values.tolist(),
     )
     time = f"{float(dataset.time[0]):g} to {float(dataset.time[-1]):g} s"
-    return Table("agreement", f"{first} against {second}", time, head, list(zip(*columns, strict=True)))
+    return VariantTable(
+        "agreement", f"{first} against {second}", time, head, list(zip(*columns, strict=True))
+    )
 
 
-def _write(dataset: xr.Dataset, table: Table, folder: Path) -> tuple[Path, ...]:
+def _write(dataset: xr.Dataset, table: VariantTable, folder: Path) -> tuple[Path, ...]:
     from romdam.visual.plots import save_figure
     from romdam.visual.variant_plots import quantity_histories
 

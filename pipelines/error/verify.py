@@ -26,7 +26,7 @@ from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting
 from romdam.pipelines.run import Clock, Stage, build_model, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import (
-    Model,
+    RunModel,
     as_run,
     ground_at_steps,
     prepare,
@@ -138,7 +138,7 @@ def _refuse_what_cannot_be_verified(job: Job) -> None:
         )
 
 
-def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock: Clock) -> VerifiedRun:
+def _reduced(job: Job, model: RunModel, motion: GroundMotion, seconds: float, clock: Clock) -> VerifiedRun:
     warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
     simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
@@ -148,7 +148,7 @@ def _reduced(job: Job, model: Model, motion: GroundMotion, seconds: float, clock
 
 def _full(
     job: Job,
-    model: Model,
+    model: RunModel,
     motion: GroundMotion,
     seconds: float,
     reduced: VerifiedRun,

@@ -25,7 +25,7 @@ from romdam.pipelines.suites.kept import KEY_LETTERS, RUN_KEY, file_name
 from romdam.pipelines.suites.plan import Plan, make_plan
 from romdam.results.suite.journal import JOURNAL, read_rows, rewrite_rows
 from romdam.results.suite.report_data import DATA
-from romdam.results.suite.rows import Row
+from romdam.results.suite.rows import SuiteRow
 from romdam.results.suite.summary import DESIGN, RUNS_FOLDER, SUMMARY
 
 try:
@@ -143,7 +143,7 @@ def clean(job: Job, out: str | Path, remove: bool = False, show: Stage = silent)
     return Cleaned(ours, len(rows) - len(staying), size, tuple(left.values()))
 
 
-def leftovers(folder: Path, plan: Plan, rows: Mapping[str, Row]) -> tuple[Path, ...]:
+def leftovers(folder: Path, plan: Plan, rows: Mapping[str, SuiteRow]) -> tuple[Path, ...]:
     """Files of results in a suite's folder that are of no run of the design, or of no suite.
 
     Parameters
@@ -175,7 +175,7 @@ def of_no_run(paths: Sequence[Path], config: Path, folder: Path) -> str:
     )
 
 
-def _is_ours(path: Path, rows: dict[str, Row]) -> bool:
+def _is_ours(path: Path, rows: dict[str, SuiteRow]) -> bool:
     """True where romdam wrote a file, as it is: by its name and by its bytes; HDF5 is not asked."""
     if not path.is_file() or path.is_symlink():
         return False

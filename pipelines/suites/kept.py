@@ -29,7 +29,7 @@ from romdam.results.dataset import (
     write_dataset,
 )
 from romdam.results.stored_run import FOLDER, folder_from
-from romdam.results.suite.rows import Kept, Row
+from romdam.results.suite.rows import Kept, SuiteRow
 from romdam.results.variables import Case
 
 log = logging.getLogger(__name__)
@@ -89,7 +89,7 @@ class KeptResults:
         self._suite, self._motions = suite, motions
         self._of_job = job_labels(suite.job)
 
-    def placed(self, run: Run, row: Row) -> Row | None:
+    def placed(self, run: Run, row: SuiteRow) -> SuiteRow | None:
         """The row of a run with its result under the name and labels of this design.
 
         None where the result is not there, or is not what was written.
@@ -108,7 +108,7 @@ class KeptResults:
         wanted = replace(kept, file=file_name(run), labels=fingerprint(labels))
         return row if wanted == kept else replace(row, kept=self._relabelled(kept, wanted, labels))
 
-    def remove_former(self, before: Row, now: Row) -> None:
+    def remove_former(self, before: SuiteRow, now: SuiteRow) -> None:
         """Remove a result whose row names another file by now."""
         if before.kept is not None and now.kept is not None and before.kept.file != now.kept.file:
             (self._suite.folder / before.kept.file).unlink(missing_ok=True)

@@ -48,7 +48,7 @@ from romdam.results.suite.design import (
 )
 from romdam.results.suite.hazard_table import suite_hazard
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import Row, source_of_rows
+from romdam.results.suite.rows import SuiteRow, source_of_rows
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
 from romdam.scene.varied import part_factors, vary_scene
@@ -314,7 +314,7 @@ def _model_key(job: Job, scene: Scene, also: Sequence[Scene] = ()) -> str:
     return fingerprint((LAYOUT, code_digest(), asked, *scene_content(scene, _OF_SAMPLES), *more))
 
 
-def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
+def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, SuiteRow]:
     """Key -> row of the runs that are done: nothing they depend on has changed, and what they keep is there.
 
     Results that are kept get the names and labels of this design.
@@ -336,7 +336,7 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
             )  # fmt: skip
     if not suite.keeps_results:
         return done
-    results, rows = KeptResults(suite, plan.motions), dict[str, Row]()
+    results, rows = KeptResults(suite, plan.motions), dict[str, SuiteRow]()
     for key, row in done.items():
         placed = results.placed(plan.first[key], row)
         if placed is None:
@@ -348,7 +348,7 @@ def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, Row]:
     return rows
 
 
-def tasks_of(suite: Suite, plan: Plan, done: dict[str, Row]) -> list[Task]:
+def tasks_of(suite: Suite, plan: Plan, done: dict[str, SuiteRow]) -> list[Task]:
     """The tasks that are still to be made: runs that are integrated together, the longest first.
 
     Those of one task have one time step and like lengths. Which run goes with which changes no bit of it.

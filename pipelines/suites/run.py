@@ -32,7 +32,7 @@ from romdam.records.record_set import write_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.journal import JOURNAL, append_rows
-from romdam.results.suite.rows import Row
+from romdam.results.suite.rows import SuiteRow
 from romdam.results.suite.summary import (
     CACHE_FOLDER,
     DESIGN,
@@ -170,7 +170,7 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
 
 def _make_missing(
     suite: Suite, plan: Plan, folder: Path, pool: Pool, clock: Clock, tell: Callable[[str], None]
-) -> tuple[dict[str, Row], int]:
+) -> tuple[dict[str, SuiteRow], int]:
     """Key -> row of all runs, and how many had to be made."""
     sweep_parts(folder)
     sweep_parts(suite.folder)
@@ -188,7 +188,7 @@ def _make_missing(
         for number, done in pool.map(run_task, suite, tasks):
             if isinstance(done, Exception):  # the rows of this task are left to be made again
                 message = f"its workers died, {done}; lower suite.batch, or give the workers more memory"
-                done = [Row(run.key, message, lasts=False) for run in tasks[number].runs]
+                done = [SuiteRow(run.key, message, lasts=False) for run in tasks[number].runs]
             else:
                 append_rows(folder / JOURNAL, [row for row in done if row.lasts])
             rows |= {row.key: row for row in done}

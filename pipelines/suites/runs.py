@@ -25,20 +25,20 @@ from romdam.fem.gaps import gap_law
 from romdam.pipelines.balance import with_balance
 from romdam.pipelines.error.estimate import finer_model, with_estimates
 from romdam.pipelines.floor_spectra import floors_of
-from romdam.pipelines.simulation import Model, prepare, simulate_motions
+from romdam.pipelines.simulation import RunModel, prepare, simulate_motions
 from romdam.pipelines.stresses import stress_fields, stress_of
 from romdam.pipelines.suites.progress import Note
 from romdam.pipelines.suites.tasks import Run, Suite, Task, sample_content, scaled
 from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.case_warnings import case_warnings
-from romdam.results.suite.rows import Row, row_values
+from romdam.results.suite.rows import SuiteRow, row_values
 from romdam.results.variables import Case
 from romdam.scene.varied import part_factors
 
 _INTEGRATION = 0.5  # of a task's time; the rest goes to its rows and the estimates of their errors
 
 
-def sample_model(suite: Suite, number: int) -> Model:
+def sample_model(suite: Suite, number: int) -> RunModel:
     """The model of one sample; nothing is reduced.
 
     Raises
@@ -66,7 +66,7 @@ def sample_model(suite: Suite, number: int) -> Model:
     return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
 
 
-def structural_model(job: Job, model: Model, scene: Scene, varied: Varied) -> Model:
+def structural_model(job: Job, model: RunModel, scene: Scene, varied: Varied) -> RunModel:
     """The model with other materials and levels: its parts scaled as wholes, then all effects of the scene.
 
     Parameters
@@ -103,7 +103,7 @@ def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> Syst
 
 
 @one_thread()
-def run_task(suite: Suite, task: Task) -> list[Row]:
+def run_task(suite: Suite, task: Task) -> list[SuiteRow]:
     """Integrate the runs of a task together; their rows in its order, those that failed with a message.
 
     Raises
@@ -127,7 +127,7 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     ]  # fmt: skip
     total = sum(cpu_seconds)
     shares = [seconds / total if total > 0.0 else 1.0 / len(outcomes) for seconds in cpu_seconds]
-    rows, report = list[Row](), note.report_stage(_INTEGRATION, 1.0)
+    rows, report = list[SuiteRow](), note.report_stage(_INTEGRATION, 1.0)
     for run, motion, outcome, share in zip(task.runs, motions, outcomes, shares, strict=True):
         if isinstance(outcome, Exception):
             rows.append(_failed(run, outcome))
@@ -143,15 +143,15 @@ def run_task(suite: Suite, task: Task) -> list[Row]:
     return rows
 
 
-def _failed(run: Run, error: Exception) -> Row:
+def _failed(run: Run, error: Exception) -> SuiteRow:
     """The row of a run that failed, which is that of any run of the same content, whatever its name."""
     lasts = not isinstance(error, MemoryError)
-    return Row(run.key, describe_error(error).replace(f"record {run.name}", "its record"), lasts=lasts)
+    return SuiteRow(run.key, describe_error(error).replace(f"record {run.name}", "its record"), lasts=lasts)
 
 
 def integrate_runs(
     job: Job,
-    models: Sequence[Model],
+    models: Sequence[RunModel],
     motions: Sequence[GroundMotion],
     progress: Callable[[int, int], None] | None = None,
 ) -> Sequence[History | Exception]:
@@ -170,12 +170,12 @@ def integrate_runs(
 
 def _row(
     suite: Suite,
-    model: Model,
+    model: RunModel,
     run: Run,
     motion: GroundMotion,
     history: History,
     clock: tuple[float, float],
-) -> Row:
+) -> SuiteRow:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
     wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
     history = with_balance(suite.job, model, history)
@@ -189,4 +189,4 @@ def _row(
     stated["cpu_seconds"] = time.process_time() - cpu
     kept = None if suite.write is None else suite.write(suite, run, case, estimate)
     warnings = tuple(case_warnings(case, suite.job))
-    return Row(run.key, "", row_values(case, stated), kept, warnings=warnings)
+    return SuiteRow(run.key, "", row_values(case, stated), kept, warnings=warnings)

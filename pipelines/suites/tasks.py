@@ -19,7 +19,7 @@ from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.error.statement import ErrorStatement
 from romdam.fem.gaps import gap_law
-from romdam.pipelines.simulation import Model
+from romdam.pipelines.simulation import RunModel
 from romdam.results.suite.rows import Kept, RunIndex
 from romdam.results.variables import Case
 from romdam.scene.joints import with_properties
@@ -90,7 +90,7 @@ class Suite:
     """
 
     job: Job
-    model: Model
+    model: RunModel
     samples: Samples
     folder: Path
     files: dict[str, str]

@@ -24,7 +24,7 @@ WRONG: tuple[Verdict, ...] = ("outside", "failed")
 
 
 @dataclass(frozen=True)
-class Quantity:
+class PublishedValue:
     """A number of a case that is compared.
 
     Attributes
@@ -48,7 +48,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Case:
+class BenchmarkCase:
     """A model with known answers.
 
     Attributes
@@ -61,7 +61,7 @@ class Case:
 
     name: str
     what: str
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[PublishedValue, ...]
     compute: Callable[[], Sequence[float]]
 
 
@@ -91,7 +91,7 @@ class Row:
     note: str
 
 
-def select_cases(cases: Sequence[Case], pattern: str = "*") -> tuple[Case, ...]:
+def select_cases(cases: Sequence[BenchmarkCase], pattern: str = "*") -> tuple[BenchmarkCase, ...]:
     """The cases whose names a pattern with * and ? matches.
 
     Raises
@@ -113,7 +113,7 @@ def select_cases(cases: Sequence[Case], pattern: str = "*") -> tuple[Case, ...]:
 
 @one_thread()
 def run_cases(
-    cases: Sequence[Case], show: Callable[[str], AbstractContextManager[object]] = nullcontext
+    cases: Sequence[BenchmarkCase], show: Callable[[str], AbstractContextManager[object]] = nullcontext
 ) -> list[Row]:
     """Compute the cases in their order; one that fails leaves rows that say so, and the others go on.
 
@@ -128,7 +128,7 @@ def run_cases(
     return rows
 
 
-def _rows(case: Case) -> Iterator[Row]:
+def _rows(case: BenchmarkCase) -> Iterator[Row]:
     message, ours = "", [nan] * len(case.quantities)
     try:
         ours = [float(value) for value in case.compute()]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, diags_array
 
-from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue
 from romdam.benchmarks.jobs import GRAVITY, Keys, run_of
 from romdam.core.arrays import Floats
 from romdam.core.system import GapLaw, History, System
@@ -213,21 +213,21 @@ def _shaken_base() -> Sequence[float]:
 
 
 CASES = (
-    Case(
+    BenchmarkCase(
         "bar-impact",
         "bar of 10 m (rho c = 30 kg/m2/s) that meets a wall with 2 m/s; 100 hex8",
         (
-            Quantity("contact lasts", 2 * 10.0 / 30.0, "s", 0.02, "2 L / c", "closed form"),
-            Quantity("force", _bar_force(), "N", 0.01, "rho c v A", "closed form"),
-            Quantity("impulse", 2 * 10.0 * SPEED, "N s", 0.03, "2 m v", "closed form"),
+            PublishedValue("contact lasts", 2 * 10.0 / 30.0, "s", 0.02, "2 L / c", "closed form"),
+            PublishedValue("force", _bar_force(), "N", 0.01, "rho c v A", "closed form"),
+            PublishedValue("impulse", 2 * 10.0 * SPEED, "N s", 0.03, "2 m v", "closed form"),
         ),
         _bar,
     ),
-    Case(
+    BenchmarkCase(
         "newmark-block",
         "stiff block on massless rock, friction 0.4, under a rectangular pulse of 6 m/s2 and 0.4 s",
         (
-            Quantity(
+            PublishedValue(
                 "residual slip",
                 0.5 * (PULSE * LASTS) ** 2 * (1.0 / YIELD - 1.0 / PULSE),
                 "m",
@@ -238,31 +238,31 @@ CASES = (
         ),
         _newmark,
     ),
-    Case(
+    BenchmarkCase(
         "sdnd100",
         "mass of 1 kg on a spring of 1e4 N/m and a table with friction of 1 N, released 8.5e-4 m from rest",
         tuple(
-            Quantity(f"extremum {number}", u, "m", 0.01, SDND100, "printed")
+            PublishedValue(f"extremum {number}", u, "m", 0.01, SDND100, "printed")
             for number, u in enumerate([6.5e-4, -4.5e-4, 2.5e-4, -0.5e-4], start=1)
         ),
         _dry_friction,
     ),
-    Case(
+    BenchmarkCase(
         "sdnd101",
         "mass of 100 kg on a spring of 1e4 N/m that meets a stop of 1e6 N/m with 1 m/s",
         (
-            Quantity("contact lasts", 0.03126, "s", 1e-3, SDND101, "printed"),
-            Quantity("peak force", 9950.4, "N", 1e-3, SDND101, "printed"),
-            Quantity("impulse", 198.02, "N s", 1e-3, SDND101, "printed"),
-            Quantity("time between peaks", 0.36105, "s", 1e-3, SDND101, "printed"),
+            PublishedValue("contact lasts", 0.03126, "s", 1e-3, SDND101, "printed"),
+            PublishedValue("peak force", 9950.4, "N", 1e-3, SDND101, "printed"),
+            PublishedValue("impulse", 198.02, "N s", 1e-3, SDND101, "printed"),
+            PublishedValue("time between peaks", 0.36105, "s", 1e-3, SDND101, "printed"),
         ),
         _spring_impact,
     ),
-    Case(
+    BenchmarkCase(
         "sdnd104",
         "block of 1 kg that slides on a base shaken with A sin(2 pi t), mu g = 1 m/s2, from 4 to 12 s",
         tuple(
-            Quantity(f"mean friction power, A = {size:g} m/s2", power, "W", 0.01, SDND104, "printed")
+            PublishedValue(f"mean friction power, A = {size:g} m/s2", power, "W", 0.01, SDND104, "printed")
             for size, power in ((15.0, 15.2672), (1.5, 0.409062))
         ),
         _shaken_base,

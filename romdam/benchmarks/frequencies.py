@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue
 from romdam.benchmarks.jobs import Keys, modes_held, modes_of, slice_of_dam
 from romdam.core.arrays import Bools, Floats
 
@@ -72,11 +72,11 @@ def _koyna() -> Sequence[float]:
 
 
 CASES = (
-    Case(
+    BenchmarkCase(
         "bar",
         "cantilever of 40 m by 1 m by 1 m, no lateral strain: first lengthwise and first bending mode",
         (
-            Quantity(
+            PublishedValue(
                 "lengthwise mode",
                 np.sqrt(E / RHO) / (4.0 * LENGTH),
                 "Hz",
@@ -84,43 +84,45 @@ CASES = (
                 "sqrt(E / rho) / 4 L",
                 "closed form",
             ),
-            Quantity("bending mode", BENDING, "Hz", 1e-3, "Euler-Bernoulli beam", "closed form"),
+            PublishedValue("bending mode", BENDING, "Hz", 1e-3, "Euler-Bernoulli beam", "closed form"),
         ),
         _bar,
     ),
-    Case(
+    BenchmarkCase(
         "nafems-fv32",
         "tapered cantilever membrane, 10 m long, 5 m to 1 m deep; 16 by 8 hex20",
         tuple(
-            Quantity(f"mode {number}", freq, "Hz", 1e-4, f"{R0015}, FV32", "secondary")
+            PublishedValue(f"mode {number}", freq, "Hz", 1e-4, f"{R0015}, FV32", "secondary")
             for number, freq in enumerate([44.623, 130.03, 162.70, 246.05, 379.90, 391.44], start=1)
         ),
         _fv32,
     ),
-    Case(
+    BenchmarkCase(
         "nafems-fv52",
         "solid square plate of 10 m by 10 m by 1 m on lines; 4 by 4 by 1 hex20, 8 by 8 by 2 for the membrane",
         (
             *(
-                Quantity(f"mode {number}", freq, "Hz", 1e-3, f"{R0015}, FV52, finite elements", "secondary")
+                PublishedValue(
+                    f"mode {number}", freq, "Hz", 1e-3, f"{R0015}, FV52, finite elements", "secondary"
+                )
                 for number, freq in enumerate(
                     [44.762, 110.52, 110.52, 169.08, 193.93, 206.64, 206.64], start=4
                 )
             ),
-            Quantity("membrane mode 1", 193.59, "Hz", 5e-4, f"{R0015}, FV52, closed form", "secondary"),
-            Quantity("membrane mode 2", 206.19, "Hz", 5e-4, f"{R0015}, FV52, closed form", "secondary"),
+            PublishedValue("membrane mode 1", 193.59, "Hz", 5e-4, f"{R0015}, FV52, closed form", "secondary"),
+            PublishedValue("membrane mode 2", 206.19, "Hz", 5e-4, f"{R0015}, FV52, closed form", "secondary"),
         ),
         _fv52,
     ),
-    Case(
+    BenchmarkCase(
         "koyna",
         "Koyna, empty, in plane stress on a rigid base; 8 by 20 hex20",
         (
             *(
-                Quantity(f"mode {number}", omega, "rad/s", 0.01, ABAQUS, "secondary")
+                PublishedValue(f"mode {number}", omega, "rad/s", 0.01, ABAQUS, "secondary")
                 for number, omega in enumerate([18.86, 49.97, 68.16, 98.27], start=1)
             ),
-            Quantity(
+            PublishedValue(
                 "mode 1",
                 19.27,
                 "rad/s",

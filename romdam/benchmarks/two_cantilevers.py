@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from romdam import examples
-from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import run
 
@@ -30,14 +30,14 @@ def _cantilevers() -> Sequence[float]:
 
 
 CASES = (
-    Case(
+    BenchmarkCase(
         "two-cantilevers",
         "two concrete cantilevers of 50 m under Northridge 1994; 60 modes of each, steps of 2.5 ms",
         (
-            Quantity("peak opening", 0.05609, "m", 0.005, PROGRAM, "another code"),
-            Quantity("peak opening", 0.0563, "m", 0.01, OPENSEES, "another code"),
-            Quantity("peak displacement, left", 0.05242, "m", 0.01, PROGRAM, "another code"),
-            Quantity("peak displacement, right", 0.02060, "m", 0.01, PROGRAM, "another code"),
+            PublishedValue("peak opening", 0.05609, "m", 0.005, PROGRAM, "another code"),
+            PublishedValue("peak opening", 0.0563, "m", 0.01, OPENSEES, "another code"),
+            PublishedValue("peak displacement, left", 0.05242, "m", 0.01, PROGRAM, "another code"),
+            PublishedValue("peak displacement, right", 0.02060, "m", 0.01, PROGRAM, "another code"),
         ),
         _cantilevers,
     ),

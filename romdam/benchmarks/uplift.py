@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import brentq
 
-from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue
 from romdam.benchmarks.jobs import GRAVITY, Keys, at_rest
 
 LENGTH, WIDTH, HEIGHT, LEVEL = 10.0, 2.0, 8.0, 8.0  # of a block on rock, heel at y = 0, and its water [m]
@@ -138,11 +138,11 @@ def _ssnp142f() -> Sequence[float]:
 
 
 CASES = (
-    Case(
+    BenchmarkCase(
         "uplift",
         "block of 10 m by 8 m, water 8 m and 1 m deep, drains: effective normal force of the base",
         (
-            Quantity(
+            PublishedValue(
                 "effective force",
                 HEAVY * GRAVITY * LENGTH * WIDTH * HEIGHT - resultant(DRAINED)[0],
                 "N",
@@ -150,7 +150,7 @@ CASES = (
                 f"weight less uplift; diagram of {USBR}",
                 "closed form",
             ),
-            Quantity(
+            PublishedValue(
                 "its distance from the heel",
                 (
                     HEAVY * GRAVITY * LENGTH**2 * WIDTH * HEIGHT / 2
@@ -166,11 +166,11 @@ CASES = (
         ),
         _drained,
     ),
-    Case(
+    BenchmarkCase(
         "cracked-base",
         "the same of 1300 kg/m3 without drains: length of the crack; 64 elements along the base",
         tuple(
-            Quantity(f"length, crack: {crack}", crack_length(crack), "m", within, source, "closed form")
+            PublishedValue(f"length, crack: {crack}", crack_length(crack), "m", within, source, "closed form")
             for crack, within, source in (
                 ("unchanged", 0.05, "effective stress linear from the tip; uplift of the closed joint"),
                 ("redrawn", 2e-3, CRACKED_BASE),
@@ -179,20 +179,20 @@ CASES = (
         ),
         _cracked,
     ),
-    Case(
+    BenchmarkCase(
         "ssnp142f",
         "gravity dam of 10 m, base joint of 1e12 Pa/m and 100 Pa strength, 9 m of water: state of the base",
         (
-            Quantity("opening at the heel", 1.41381559e-6, "m", 0.01, SSNP142, "printed"),
-            Quantity("opening at the heel", 1.52e-6, "m", 0.08, GEFDYN, "secondary", COARSE),
-            Quantity("opening at 1.3 m", 8.46439704e-7, "m", 0.01, SSNP142, "printed"),
-            Quantity("opening at 3.2 m", 5.73893179e-8, "m", 0.02, SSNP142, "printed"),
-            Quantity("closing at 4.6 m", -3.61851193e-7, "m", 0.01, SSNP142, "printed"),
-            Quantity("closing at the toe", -5.83070285e-7, "m", 0.01, SSNP142, "printed"),
-            Quantity("pressure at 4.4 m", 32287.226, "Pa", 0.01, SSNP142, "printed"),
-            Quantity("total stress at 4.6 m", -383376.01, "Pa", 0.01, SSNP142, "printed"),
-            Quantity("total stress at the toe", -583070.29, "Pa", 0.01, SSNP142, "printed"),
-            Quantity("total stress at the toe", -5.23e5, "Pa", 0.12, GEFDYN, "secondary", COARSE),
+            PublishedValue("opening at the heel", 1.41381559e-6, "m", 0.01, SSNP142, "printed"),
+            PublishedValue("opening at the heel", 1.52e-6, "m", 0.08, GEFDYN, "secondary", COARSE),
+            PublishedValue("opening at 1.3 m", 8.46439704e-7, "m", 0.01, SSNP142, "printed"),
+            PublishedValue("opening at 3.2 m", 5.73893179e-8, "m", 0.02, SSNP142, "printed"),
+            PublishedValue("closing at 4.6 m", -3.61851193e-7, "m", 0.01, SSNP142, "printed"),
+            PublishedValue("closing at the toe", -5.83070285e-7, "m", 0.01, SSNP142, "printed"),
+            PublishedValue("pressure at 4.4 m", 32287.226, "Pa", 0.01, SSNP142, "printed"),
+            PublishedValue("total stress at 4.6 m", -383376.01, "Pa", 0.01, SSNP142, "printed"),
+            PublishedValue("total stress at the toe", -583070.29, "Pa", 0.01, SSNP142, "printed"),
+            PublishedValue("total stress at the toe", -5.23e5, "Pa", 0.12, GEFDYN, "secondary", COARSE),
         ),
         _ssnp142f,
     ),

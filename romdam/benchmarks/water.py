@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from romdam.benchmarks.case import Case, Quantity
+from romdam.benchmarks.case import BenchmarkCase, PublishedValue
 from romdam.benchmarks.frequency_response import first_period, force_on_rigid_wall
 from romdam.benchmarks.jobs import Keys, scene_of, slice_of_dam
 from romdam.effects.added_mass import added_mass
@@ -81,17 +81,17 @@ def _pine_flat() -> Sequence[float]:
 
 
 CASES = (
-    Case(
+    BenchmarkCase(
         "westergaard",
         "rigid wall in incompressible water 40 m deep",
-        (Quantity("force / rho a H^2", force(0.0), "", 0.005, WESTERGAARD, "closed form"),),
+        (PublishedValue("force / rho a H^2", force(0.0), "", 0.005, WESTERGAARD, "closed form"),),
         _incompressible,
     ),
-    Case(
+    BenchmarkCase(
         "compressible-water",
         "the same in compressible water above a rigid bottom, harmonic motion",
         tuple(
-            Quantity(
+            PublishedValue(
                 f"force / rho a H^2 at {ratio:g} of the first frequency",
                 force(ratio),
                 "",
@@ -105,11 +105,11 @@ CASES = (
         ),
         _compressible,
     ),
-    Case(
+    BenchmarkCase(
         "pine-flat",
         "Pine Flat's tallest monolith in plane stress on a rigid base, water to 381 of 400 ft; 6 by 16 hex20",
         tuple(
-            Quantity(
+            PublishedValue(
                 f"first period, {reservoir}",
                 period,
                 "s",

@@ -13,7 +13,7 @@ import romdam
 from romdam.commands.options import FAILED, Config, Json, Out, Quiet, ResultFile, Verbose, named_folder
 
 
-class Sibling(StrEnum):
+class OtherMesh(StrEnum):
     """A mesh to compare with."""
 
     finer = "finer"
@@ -32,7 +32,7 @@ def verify(
         Path | None, typer.Option(help="An .npz with `time`, `gap` and `position` to compare with as well.")
     ] = None,
     mesh: Annotated[
-        Sibling | None,
+        OtherMesh | None,
         typer.Option(
             help="State the mesh's own error instead, from elements of half (finer) or twice (coarser) the "
             "size, over all that CONFIG runs of the record."
@@ -64,7 +64,7 @@ def verify(
     stages, say = open_terminal(quiet, verbose)
     if mesh is not None:
         job = romdam.load_config(config)
-        verified_mesh = verify_mesh(job, out, seconds, finer=mesh is Sibling.finer, show=stages)
+        verified_mesh = verify_mesh(job, out, seconds, finer=mesh is OtherMesh.finer, show=stages)
         say(
             *mesh_lines(verified_mesh.statement.document),
             f"written: {verified_mesh.path}",

@@ -12,7 +12,7 @@ from romdam.commands.caches import folder_of_blocks
 from romdam.commands.options import Config, Out, Quiet, Verbose
 
 
-class Target(StrEnum):
+class ExportCode(StrEnum):
     """Program that a job is written for."""
 
     OPENSEES = "opensees"
@@ -25,7 +25,7 @@ class Target(StrEnum):
 def export(
     config: Config,
     out: Out,
-    to: Annotated[Target, typer.Option(help="What it is written for.")],
+    to: Annotated[ExportCode, typer.Option(help="What it is written for.")],
     record: Annotated[str | None, typer.Option(help="Name of the record; else the first one.")] = None,
     dt: Annotated[
         float | None,
@@ -50,7 +50,7 @@ def export(
 
     stages, say = open_terminal(quiet, verbose)
     job = romdam.load_config(config)
-    if to is Target.MATRICES:
+    if to is ExportCode.MATRICES:
         for option, value in (("--record", record), ("--dt", dt), ("--duration", duration)):
             if value is not None:
                 raise typer.BadParameter("is for scripts; matrices have no record", param_hint=option)

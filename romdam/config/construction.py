@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from romdam.config.sections.job import Sections
 from romdam.core.errors import quote
 
-if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
 
-
-def refuse_wrong_construction(config: Config) -> None:
+def refuse_wrong_construction(config: Sections) -> None:
     """Refuse stages of the same name, blocks poured twice, and what stages and other keys contradict.
 
     Raises

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from romdam.config.effects import EFFECTS, acting_effects, has_viscous_boundary
+from romdam.config.sections.job import Sections
 from romdam.core.integrators import INTEGRATORS
-
-if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
 
 
 class Coupling(NamedTuple):
@@ -32,7 +30,7 @@ _KEEP_MODES_APART = {
 _COUPLE = {"viscous boundary", "free field", "compressible water"}  # as `couplings` says, with their remedies
 
 
-def couplings(config: Config) -> tuple[Coupling, ...]:
+def couplings(config: Sections) -> tuple[Coupling, ...]:
     """Everything that couples the modes of a job."""
     every = list[Coupling]()
     if has_viscous_boundary(config):

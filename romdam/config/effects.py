@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from romdam.config.sections.job import Sections
 from romdam.core.errors import ConfigError
-
-if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
 
 
 class EffectEntry(NamedTuple):
     """The key that asks for an effect, and whether a job does."""
 
     key: str
-    acts: Callable[[Config], bool]
+    acts: Callable[[Sections], bool]
 
 
-def _has_water(model: str) -> Callable[[Config], bool]:
+def _has_water(model: str) -> Callable[[Sections], bool]:
     return lambda config: config.water is not None and config.water.model == model
 
 
-def has_viscous_boundary(config: Config) -> bool:
+def has_viscous_boundary(config: Sections) -> bool:
     """Tell whether rock has faces that take waves up."""
     dam = config.arch_dam
     of_dam = dam is not None and dam.rock is not None and dam.rock.boundary == "viscous"
@@ -82,12 +80,12 @@ EXCLUDED = {
 } | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 
-def acting_effects(config: Config) -> set[str]:
+def acting_effects(config: Sections) -> set[str]:
     """Names of the effects that a job asks for."""
     return {name for name, effect in EFFECTS.items() if effect.acts(config)}
 
 
-def refuse_unknown_effects(config: Config, known: Collection[str], source: str, what: str) -> None:
+def refuse_unknown_effects(config: Sections, known: Collection[str], source: str, what: str) -> None:
     """Refuse effects that a computation has never heard of.
 
     Parameters
@@ -104,7 +102,7 @@ def refuse_unknown_effects(config: Config, known: Collection[str], source: str, 
         raise ConfigError(f"{source}: {EFFECTS[name].key}: {name} is not {what}; leave it out")
 
 
-def refuse_excluded(config: Config) -> None:
+def refuse_excluded(config: Sections) -> None:
     """Refuse effects that physics does not let act together.
 
     Raises

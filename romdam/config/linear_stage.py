@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from romdam.config.effects import EFFECTS, acting_effects
-
-if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
+from romdam.config.sections.job import Sections
 
 _COUPLED = "couples the modes, which a response spectrum needs one by one"
 # effects that a response spectrum and a linear time history with tied joints have
@@ -26,7 +22,7 @@ _WITHOUT = {  # and why it has not the others
 }
 
 
-def refuse_linear_stage(config: Config) -> None:
+def refuse_linear_stage(config: Sections) -> None:
     """Refuse what the linear stage of a job cannot have.
 
     Raises

@@ -14,9 +14,9 @@ from typing import Any, ParamSpec, TypeVar
 from pydantic import ValidationError
 
 from romdam.config.explain import Location, explain, key_at
+from romdam.config.job import Config
 from romdam.config.parameters import refuse_unvaried
 from romdam.config.renamed import with_present_names
-from romdam.config.sections.job import Config
 from romdam.config.yaml_text import line_of, plain, read_yaml, write_yaml
 from romdam.core.errors import ConfigError, RecordError, RomdamError, quote
 from romdam.core.html.card import card

@@ -14,7 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from romdam.config.base import Model
 from romdam.config.explain import explain
-from romdam.config.sections.job import OF_SAMPLE, Config, DampingConfig, MaterialConfig, RayleighConfig
+from romdam.config.job import OF_SAMPLE, Config
+from romdam.config.sections.job import DampingConfig, MaterialConfig, RayleighConfig
 from romdam.config.sections.joint_laws import annotation
 from romdam.config.sections.joints import JointProperties
 from romdam.config.sections.loads import TemperatureConfig

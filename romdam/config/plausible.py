@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 from pydantic import BaseModel
 
+from romdam.config.job import Config
 from romdam.config.parameters import joints_at
 from romdam.config.sections.job import (
     BoxConfig,
-    Config,
     DampingConfig,
     MaterialConfig,
     ModelConfig,

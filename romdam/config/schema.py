@@ -15,8 +15,8 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from romdam.config.base import Model
+from romdam.config.job import Config
 from romdam.config.quantities import needs_unit, spelt, unit_of
-from romdam.config.sections.job import Config
 from romdam.config.sections.joint_laws import both
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
 from romdam.config.texts import meaning, model_docstring

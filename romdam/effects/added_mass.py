@@ -38,7 +38,7 @@ from romdam.core.errors import ReductionError
 from romdam.core.motion import Motion
 from romdam.core.scene import Block, Reservoir, Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.effects.effect import Coordinates, ModalCoordinates
+from romdam.effects.effect import EffectCoordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
@@ -83,7 +83,7 @@ class AddedMass:
             rows = np.hstack([rows, self.times(applied(self.coupling, moving.shapes))])
         return {name: np.asarray(coupling.T @ rows) for name, coupling in self.coupling.items()}
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the water's mass, and its pressure where base and supports move; reduced, diagonalise again.
 
         Unknowns of a reduced system that move no wet face stay as they are, behind the new ones.

@@ -36,7 +36,7 @@ from scipy.sparse import block_diag, csr_matrix, diags_array, hstack, identity, 
 from romdam.core.motion import Motion
 from romdam.core.scene import Sound
 from romdam.core.system import Histories, Rates
-from romdam.fem.water.body import Section
+from romdam.fem.water.body import WaterSection
 from romdam.geometry.elements import Floats
 
 _NETWORK = np.array(  # w_j, k_j, l_j
@@ -115,7 +115,7 @@ def impedance_network() -> tuple[Floats, Floats, Floats]:
     return np.diag(np.concatenate([[0.0], np.ones(len(w))])), np.outer(through, through), K
 
 
-def radiating_end(section: Section, sound: Sound, admittance: float, density: float) -> FarEnd:
+def radiating_end(section: WaterSection, sound: Sound, admittance: float, density: float) -> FarEnd:
     """Let the waves of a channel go on beyond its far end.
 
     Parameters

@@ -42,7 +42,7 @@ from romdam.core.motion import Motion
 from romdam.core.scene import Ints, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.channel import ChannelDrive, radiating_end
-from romdam.effects.effect import Coordinates, ModalCoordinates
+from romdam.effects.effect import EffectCoordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.fem.water.own_mesh import water_body
 from romdam.geometry.elements import Floats
@@ -99,7 +99,7 @@ class CompressibleWater:
         rows = waves.at_dam.T @ Factor(waves.K).solve(np.hstack(swept))
         return {name: np.asarray(coupling.T @ rows) for name, coupling in waves.coupling.items()}
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Put the reservoir's unknowns behind those of the dam."""
         waves, B = self.waves, csr_matrix(coordinates.observe(self.waves.coupling))
         moving = system.pseudo_static

@@ -13,7 +13,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.scene import ConstructionStage, Scene
 from romdam.core.system import ConstructionPlan, PseudoStatic, System
-from romdam.effects.effect import Coordinates
+from romdam.effects.effect import EffectCoordinates
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.loads import hydrostatic_force, thermal_force, weight_acts, weight_force
 
@@ -33,7 +33,7 @@ class StagesOfConstruction:
     scene: Scene
     surface: dict[str, Floats]
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the plan that the system is to go through."""
         scene, stages = self.scene, self.scene.construction
         force = {name: values.copy() for name, values in self.surface.items()}

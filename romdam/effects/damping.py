@@ -17,7 +17,7 @@ from romdam.core.arrays import Floats
 from romdam.core.motion import Motion
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.effects.effect import Coordinates, MeshCoordinates, ModalCoordinates
+from romdam.effects.effect import EffectCoordinates, MeshCoordinates, ModalCoordinates
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.damping import (
     further_damping,
@@ -44,7 +44,7 @@ class SolidDamping:
         """None here: a part with a viscous boundary answers tractions on it, see `merged_part`."""
         return {}
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the damping."""
         if isinstance(coordinates, ModalCoordinates):
             system = self._of_modes(system, coordinates)

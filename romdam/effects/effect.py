@@ -20,7 +20,7 @@ from romdam.core.system import PseudoStatic, System
 from romdam.reduction.basis import over_coordinates
 
 
-class Coordinates(Protocol):
+class EffectCoordinates(Protocol):
     """Unknowns that give the displacement of every block."""
 
     def observe(self, operators: Mapping[str, csr_matrix]) -> csr_matrix | Floats:
@@ -46,11 +46,11 @@ class MeshCoordinates:
     rigid: csr_matrix
 
     def observe(self, operators: Mapping[str, csr_matrix]) -> csr_matrix:
-        """See `Coordinates`."""
+        """See `EffectCoordinates`."""
         return csr_matrix(sum(operator @ self.maps[name] for name, operator in operators.items()))
 
     def press(self, forces: Mapping[str, csr_matrix | Floats]) -> csr_matrix | Floats:
-        """See `Coordinates`."""
+        """See `EffectCoordinates`."""
         return sum(self.maps[name].T @ force for name, force in forces.items())
 
 
@@ -72,11 +72,11 @@ class ModalCoordinates:
     reservoir: Floats | None = None
 
     def observe(self, operators: Mapping[str, csr_matrix]) -> Floats:
-        """See `Coordinates`."""
+        """See `EffectCoordinates`."""
         return over_coordinates(operators, self.basis, self.size)
 
     def press(self, forces: Mapping[str, csr_matrix | Floats]) -> Floats:
-        """See `Coordinates`."""
+        """See `EffectCoordinates`."""
         total = np.zeros((self.size, next(iter(forces.values())).shape[1]))
         for name, force in forces.items():
             columns, vectors = self.basis[name].columns, self.basis[name].vectors
@@ -89,7 +89,7 @@ class ModalCoordinates:
 class Effect(Protocol):
     """A physical effect of a scene."""
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """The system with this effect, and the coordinates that it then has.
 
         Parameters

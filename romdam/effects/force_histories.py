@@ -15,7 +15,7 @@ from romdam.core.arrays import Floats
 from romdam.core.motion import Motion
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.effects.effect import Coordinates
+from romdam.effects.effect import EffectCoordinates
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ForceHistories:
     scene: Scene
     patterns: dict[str, Floats]
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add a column of the load for each; loads have the opposite sign."""
         pressed = np.asarray(coordinates.press(self.patterns))
         signals = tuple(one.signal for one in self.scene.force_histories)

@@ -39,7 +39,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion
 from romdam.core.scene import Block, FreeField, Scene
 from romdam.core.system import Complex, Histories, PseudoStatic, Rates, System
-from romdam.effects.effect import Coordinates
+from romdam.effects.effect import EffectCoordinates
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
 from romdam.fem.damping import rayleigh_coefficients
@@ -208,7 +208,7 @@ class IncomingWaves:
     drive: Deconvolution
     forces: Mapping[str, csr_matrix]
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the effective forces on absorbing faces."""
         load, nodes = (
             -coordinates.press(self.forces),

@@ -9,7 +9,7 @@ from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.core.system import System
-from romdam.effects.effect import Coordinates, MeshCoordinates
+from romdam.effects.effect import EffectCoordinates, MeshCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.damping import sliding_motions
@@ -72,7 +72,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         initial=scene.initial,
         extent=scene.extent,
     )
-    coordinates: Coordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))
+    coordinates: EffectCoordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))
     for effect in effects:
         system, coordinates = effect.add(system, coordinates)
     return system

@@ -28,7 +28,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.effects.effect import Coordinates
+from romdam.effects.effect import EffectCoordinates
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_operators, point_operators
 from romdam.fem.parts import assemble_part, gather
@@ -52,7 +52,7 @@ class CarriedInertia:
     moving: PseudoStatic
     inertia: dict[str, Floats]
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the inertia of what the supports displace."""
         load = np.asarray(coordinates.press(self.inertia))
         return replace(system, pseudo_static=self.moving).loaded({Motion.SUPPORTS: load}), coordinates

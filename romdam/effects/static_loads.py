@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Floats
 from romdam.core.scene import LOAD_KINDS, Scene
 from romdam.core.system import PseudoStatic, System
-from romdam.effects.effect import Coordinates, ModalCoordinates
+from romdam.effects.effect import EffectCoordinates, ModalCoordinates
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.gaps import water_force
 from romdam.fem.loads import surface_forces, weight_acts, weight_force
@@ -54,7 +54,7 @@ class StaticLoads:
             for name, of in self.kinds.items()
         }
 
-    def add(self, system: System, coordinates: Coordinates) -> tuple[System, Coordinates]:
+    def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the forces, and their parts in the order in which they are applied to the state at rest."""
         order = self.scene.load_order or LOAD_KINDS
         steps = {kind: np.asarray(self._pressed(kind, coordinates)) for kind in order}
@@ -64,7 +64,7 @@ class StaticLoads:
         steps = steps if self.scene.load_order else {}
         return replace(system, force=np.asarray(force), load_steps=steps), coordinates
 
-    def _pressed(self, kind: str, coordinates: Coordinates) -> Floats:
+    def _pressed(self, kind: str, coordinates: EffectCoordinates) -> Floats:
         """A kind of load on the unknowns; of a basis on disk only the loaded rows are read."""
         scene = self.scene
         if not isinstance(coordinates, ModalCoordinates):

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal
 from romdam.config.effects import has_viscous_boundary
 
 if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
+    from romdam.config.job import Config
 
 Stated = Literal["varied by", "bounded by test", "said in the result", "not stated", "exact"]
 

@@ -46,7 +46,7 @@ _MOST = 4e9  # bytes of a table, which is read whole
 
 
 @dataclass(frozen=True)
-class Histories:
+class ComparedHistories:
     """Histories of one result by place.
 
     Attributes
@@ -63,7 +63,7 @@ class Histories:
     joint: Mapping[HistoryKey, str] = field(default_factory=dict)
 
 
-def read_histories(path: Path) -> Histories:
+def read_histories(path: Path) -> ComparedHistories:
     """Read what of a result is compared with another, see the module.
 
     Raises
@@ -89,17 +89,17 @@ def read_histories(path: Path) -> Histories:
     return histories
 
 
-def _arrays(path: Path) -> Histories:
+def _arrays(path: Path) -> ComparedHistories:
     stored = read_reference(path)
     gaps = [("gap", str(k)) for k in range(len(stored.position))]
-    return Histories(
+    return ComparedHistories(
         stored.time,
         dict(zip(gaps, stored.opening.T, strict=True)),
         dict(zip(gaps, stored.position, strict=True)),
     )
 
 
-def _netcdf(path: Path) -> Histories:
+def _netcdf(path: Path) -> ComparedHistories:
     dataset, _ = open_netcdf(path)
     with dataset:
         if not str(dataset.attrs.get("source", "")).startswith("romdam"):
@@ -129,7 +129,7 @@ def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
     return dataset
 
 
-def _histories(dataset: xr.Dataset) -> Histories:
+def _histories(dataset: xr.Dataset) -> ComparedHistories:
     gaps: list[HistoryKey] = [("gap", str(k)) for k in range(dataset.sizes.get("gap", 0))]
     joint = {gap: str(name) for gap, name in zip(gaps, _of_gaps(dataset, "gap_joint"), strict=False)}
     series = dict(_series(dataset, gaps))
@@ -137,7 +137,7 @@ def _histories(dataset: xr.Dataset) -> Histories:
         widest = np.max([series[gap] for gap in gaps if joint[gap] == name], axis=0)
         series.setdefault(("joint", name), widest)
     position = dict(zip(gaps, _of_gaps(dataset, "gap_position"), strict=False))
-    return Histories(np.asarray(dataset.time, dtype=float), series, position, joint)
+    return ComparedHistories(np.asarray(dataset.time, dtype=float), series, position, joint)
 
 
 def _of_gaps(dataset: xr.Dataset, name: str) -> Sequence[Any]:
@@ -160,7 +160,7 @@ def _series(dataset: xr.Dataset, gaps: Sequence[HistoryKey]) -> Iterator[tuple[H
             yield from zip((("node", str(name), axis) for axis in "xyz"), vector, strict=True)
 
 
-def _table(path: Path) -> Histories:
+def _table(path: Path) -> ComparedHistories:
     table = read_table(path, ResultError, most=_MOST)
     series: dict[HistoryKey, Floats] = {}
     for name in table.names:
@@ -171,7 +171,7 @@ def _table(path: Path) -> Histories:
             series[key] = factor * table.numbers(name)
     if ("time",) not in series:
         raise ResultError(f"{path}: no column is named time; the first row is {', '.join(table.names)[:200]}")
-    return Histories(series.pop(("time",)), series)
+    return ComparedHistories(series.pop(("time",)), series)
 
 
 def _column(name: str, path: Path) -> tuple[HistoryKey, float]:

@@ -20,7 +20,7 @@ from scipy.signal import correlate
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
 from romdam.error.comparison import coinciding
-from romdam.error.histories import Histories, HistoryKey
+from romdam.error.histories import ComparedHistories, HistoryKey
 from romdam.error.metrics import magnitude_error, opening_error
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ _VARIABLES = {  # number of dimensions of _OVER, unit, meaning
 }
 
 
-def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) -> xr.Dataset:
+def side_by_side(first: ComparedHistories, second: ComparedHistories, names: tuple[str, str]) -> xr.Dataset:
     """Compare two results.
 
     Parameters
@@ -73,7 +73,9 @@ def side_by_side(first: Histories, second: Histories, names: tuple[str, str]) ->
     return xr.Dataset(tables, {"time": time, "variant": list(names), "quantity": list(quantities)})
 
 
-def _row(first: Histories, second: Histories, places: list[HistoryKey], time: Floats) -> tuple[object, ...]:
+def _row(
+    first: ComparedHistories, second: ComparedHistories, places: list[HistoryKey], time: Floats
+) -> tuple[object, ...]:
     """Values that are stated of one quantity, in the order of `_VARIABLES`."""
     pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
     reference = None if opens else _at(second, _directions(second, places[0]), time)
@@ -85,7 +87,7 @@ def _row(first: Histories, second: Histories, places: list[HistoryKey], time: Fl
     return widest, peaks, len(places), error.l2, error.peak, late
 
 
-def _directions(histories: Histories, key: HistoryKey) -> list[HistoryKey]:
+def _directions(histories: ComparedHistories, key: HistoryKey) -> list[HistoryKey]:
     """Every component of the displacement of a place's node."""
     return [other for other in histories.series if other[:2] == key[:2]]
 
@@ -129,7 +131,7 @@ def _quantities(places: list[HistoryKey], joint: Mapping[HistoryKey, str]) -> di
     return keys
 
 
-def _with_gaps_of(first: Histories, second: Histories) -> Histories:
+def _with_gaps_of(first: ComparedHistories, second: ComparedHistories) -> ComparedHistories:
     """The second result with its gaps named as those of the first at the same positions."""
     if not first.position or not second.position:
         return second
@@ -141,7 +143,7 @@ def _with_gaps_of(first: Histories, second: Histories) -> Histories:
     series = {key: values for key, values in second.series.items() if key[0] != "gap"}
     series |= {name: second.series[other] for other, name in renamed.items()}
     joint = {name: second.joint[other] for other, name in renamed.items() if other in second.joint}
-    return Histories(second.time, series, {}, joint)
+    return ComparedHistories(second.time, series, {}, joint)
 
 
 def _clock(first: Floats, second: Floats, names: tuple[str, str]) -> Floats:
@@ -158,7 +160,7 @@ def _clock(first: Floats, second: Floats, names: tuple[str, str]) -> Floats:
     return np.asarray(begin + interval * np.arange(count), dtype=np.float64)
 
 
-def _at(histories: Histories, places: list[HistoryKey], time: Floats) -> Floats:
+def _at(histories: ComparedHistories, places: list[HistoryKey], time: Floats) -> Floats:
     values = np.column_stack([histories.series[key] for key in places])
     within = np.clip(time, histories.time[0], histories.time[-1])
     return np.asarray(make_interp_spline(histories.time, values, k=1)(within))

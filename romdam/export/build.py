@@ -21,7 +21,7 @@ from romdam.core.known import refuse_unknown
 from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
 from romdam.effects.added_mass import added_mass
-from romdam.export.deck import Deck, Gaps, Motion, Solid, elastic
+from romdam.export.deck import Deck, DeckMotion, Gaps, Solid, elastic
 from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force, surface_forces, weight_acts
@@ -76,7 +76,7 @@ _SOLVED = (
 def build_deck(
     scene: Scene,
     damping: DampingConfig,
-    motion: Motion,
+    motion: DeckMotion,
     *,
     title: str,
     static: bool,

@@ -71,7 +71,7 @@ def elastic(law: GapLaw) -> Bools:
 
 
 @dataclass(frozen=True)
-class Motion:
+class DeckMotion:
     """Ground acceleration at every step.
 
     Attributes
@@ -128,7 +128,7 @@ class Deck:
     alpha: float
     beta: float
     static: bool
-    motion: Motion
+    motion: DeckMotion
     probes: dict[str, int]
     stated: tuple[str, ...]
     averaged: Mapping[str, str]

@@ -39,7 +39,7 @@ from romdam.fem.damping import (
 )
 from romdam.fem.gaps import gap_operators
 from romdam.fem.loads import surface_force
-from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Unknowns
+from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, MatrixUnknowns
 from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.reduction.synthesis import ReducedModel
 from romdam.scene.ties import scene_parts
@@ -93,7 +93,7 @@ class BlockExport:
     drag : (n, k) D, where C is `damping` - D D^T, a full matrix; without columns where it is `damping`
     """
 
-    unknowns: Unknowns
+    unknowns: MatrixUnknowns
     stiffness: csr_matrix
     mass: csr_matrix
     damping: csr_matrix
@@ -197,12 +197,12 @@ def _drag(scene: Scene, block: Block, K: csr_matrix, M: csr_matrix, alpha: float
     return rigid_drag(alpha * (M @ R), R)
 
 
-def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> Unknowns:
+def _named(block: Block, dof: Ints, motion: Ints, more: int = 0) -> MatrixUnknowns:
     """Unknowns by the number of their node, from 1; rotations and other coordinates have one each."""
     node = np.where(motion < 3, dof // 3, len(block.points) + dof) + 1
     position = np.where((motion != INTERNAL)[:, None], block.points[dof // 3], np.nan)
     behind = 4 * len(block.points) + 1 + np.arange(more)
-    return Unknowns(
+    return MatrixUnknowns(
         np.concatenate([node, behind]),
         np.concatenate([motion, np.full(more, INTERNAL)]),
         np.concatenate([position, np.full((more, 3), np.nan)]),

@@ -34,7 +34,8 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         remedy = "give faces the same nodes and discretization: node_to_node"
         raise ConfigError(
             f"{key} {why}, so that {rows} points of the deck follow several nodes, limit 0: openseespy "
-            f"has no linear constraints of several nodes; {'leave it out' if key.endswith('.spacing') else remedy}, "
+            "has no linear constraints of several nodes; "
+            f"{'leave it out' if key.endswith('.spacing') else remedy}, "
             "or export to calculix or abaqus"
         )
     stated, diagonal = [], np.einsum("nii->ni", deck.added_mass)

@@ -68,7 +68,7 @@ def _over_nodes(field: FreeField, z: Floats, values: Floats) -> csr_matrix:
 
 
 @dataclass(frozen=True)
-class Response:
+class ColumnResponse:
     """Answer of the column to a unit acceleration of its surface at some frequencies.
 
     Attributes
@@ -83,7 +83,7 @@ class Response:
 
 def respond(
     field: FreeField, component: int, rates: tuple[Complex, Complex], damping: tuple[float, float]
-) -> Response:
+) -> ColumnResponse:
     """Find the column's motion under its surface's, frequency by frequency.
 
     Parameters
@@ -106,7 +106,7 @@ def respond(
         above = D[:, p, 0] * top + (D[:, p, 1:] * below).sum(axis=1) + load[p]
         motion.append(below)
         top = below[:, -1]
-    return Response(np.hstack(motion), above)
+    return ColumnResponse(np.hstack(motion), above)
 
 
 def layer_motion(field: FreeField, component: int, omega: Floats, damping: tuple[float, float]) -> Complex:

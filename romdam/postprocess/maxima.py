@@ -12,7 +12,7 @@ import xarray as xr
 from romdam.core.arrays import Floats
 from romdam.core.round_off import NOTHING, ROUND_OFF
 from romdam.core.scene import MOST_RING
-from romdam.postprocess.stress.faces import HEADLINE, LIMITS, Limits, verdict
+from romdam.postprocess.stress.faces import HEADLINE, LIMITS, StressLimits, verdict
 
 INSTANT = "one instant"
 WRITTEN = "of the written rows"
@@ -30,7 +30,7 @@ _MOVES = 1e-8  # of the widest opening, below which what it varies by is round-o
 _FIXED = ("joint", "stress_face", "section")  # what rows are of; other places are those of the largest
 
 
-class Row(NamedTuple):
+class MaximaRow(NamedTuple):
     """A largest value: `when` [s] and `where` as texts; the note is one of NOTES, IN_RING, or empty."""
 
     quantity: str
@@ -49,7 +49,7 @@ class Row(NamedTuple):
 HEAD = ("quantity", "value", "unit", "where", "time [s]", "note")
 
 
-def maxima(dataset: xr.Dataset) -> list[Row]:
+def maxima(dataset: xr.Dataset) -> list[MaximaRow]:
     """Motion, joints, stress, what the result has of each; round-off as 0, with a note that says what is."""
     stated = [*_motion(dataset), *_joints(dataset), *_stress(dataset), *_sections(dataset)]
     rows = []
@@ -71,13 +71,13 @@ def maxima(dataset: xr.Dataset) -> list[Row]:
     return [row._replace(where="") if row.is_round_off and row.where not in fixed else row for row in rows]
 
 
-def explained(rows: list[Row]) -> list[str]:
+def explained(rows: list[MaximaRow]) -> list[str]:
     """Sentences on the notes that stand in a table."""
     said = [part for row in rows for part in row.note.split(", ")]
     return [f"{note}: {words}" for note, words in NOTES.items() if any(s.startswith(note) for s in said)]
 
 
-def _motion(dataset: xr.Dataset) -> list[Row]:
+def _motion(dataset: xr.Dataset) -> list[MaximaRow]:
     """Of a dam with joints the largest accelerations are those of impacts."""
     rows, stated = [], "peak_displacement" in dataset
     written = written_note(dataset)
@@ -88,7 +88,7 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
             if float(peaks[largest]) > 0.0:
                 when = f"{float(dataset.peak_displacement_time.sel(component=axis)[largest]):.3f}"
                 where = str(peaks.node.values[largest])
-                rows.append(Row(f"displacement {axis}", float(peaks[largest]), "m", where, when))
+                rows.append(MaximaRow(f"displacement {axis}", float(peaks[largest]), "m", where, when))
     for name in ("acceleration",) if stated else ("displacement", "acceleration"):
         note = written
         if name == "acceleration" and "joint" in dataset:
@@ -100,7 +100,7 @@ def _motion(dataset: xr.Dataset) -> list[Row]:
             if value != 0.0:
                 unit = str(dataset[name].attrs["units"])
                 where, when = str(values.node.values[node]), f"{float(values.time[step]):.3f}"
-                rows.append(Row(f"{name} {axis}", value, unit, where, when, note))
+                rows.append(MaximaRow(f"{name} {axis}", value, unit, where, when, note))
     return rows
 
 
@@ -135,21 +135,21 @@ def peak_ground_acceleration(dataset: xr.Dataset) -> xr.DataArray:
     return abs(dataset.ground_acceleration).max("time")
 
 
-def _joints(dataset: xr.Dataset) -> list[Row]:
+def _joints(dataset: xr.Dataset) -> list[MaximaRow]:
     rows = []
     for joint in dataset.joint.values if "joint" in dataset else ():
         of_joint, where = dataset.sel(joint=joint), str(joint)
         when = peak_opening_time(dataset, joint)
         instant = "" if when is None else f"{when:.3f}"
-        rows.append(Row("joint opening", float(of_joint.peak_opening), "m", where, instant))
+        rows.append(MaximaRow("joint opening", float(of_joint.peak_opening), "m", where, instant))
         stress = float(of_joint.peak_compressive_stress)
-        rows.append(Row("joint compression", stress, "Pa", where, note=INSTANT))
+        rows.append(MaximaRow("joint compression", stress, "Pa", where, note=INSTANT))
         if "peak_mean_compressive_stress" in of_joint:
             interval = float(dataset.time[-1] - dataset.time[0]) / max(dataset.time.size - 1, 1)
             name = f"joint compression, mean of {interval:.3g} s"
-            rows.append(Row(name, float(of_joint.peak_mean_compressive_stress), "Pa", where))
+            rows.append(MaximaRow(name, float(of_joint.peak_mean_compressive_stress), "Pa", where))
         if "peak_slip" in of_joint:
-            rows.append(Row("joint slip", float(of_joint.peak_slip), "m", where))
+            rows.append(MaximaRow("joint slip", float(of_joint.peak_slip), "m", where))
     return rows
 
 
@@ -209,7 +209,7 @@ def peak_opening_time(dataset: xr.Dataset, joint: str) -> float | None:
     return float(of_joint.peak_opening_time)
 
 
-def _sections(dataset: xr.Dataset) -> list[Row]:
+def _sections(dataset: xr.Dataset) -> list[MaximaRow]:
     """Extremes over time of forces, moments and linearised stress on sections, tension positive."""
     rows, note = [], written_note(dataset)
     for name, dim in (("force", "axis"), ("moment", "axis"), ("stress", "side")):
@@ -219,12 +219,14 @@ def _sections(dataset: xr.Dataset) -> list[Row]:
                 values = forces.sel({f"section_{dim}": along}).values
                 for side, k in (("largest", int(values.argmax())), ("smallest", int(values.argmin()))):
                     label, when = f"{side} section {name}, {along}", f"{float(forces.time[k]):.3f}"
-                    row = Row(label, float(values[k]), str(forces.attrs["units"]), str(section), when, note)
+                    row = MaximaRow(
+                        label, float(values[k]), str(forces.attrs["units"]), str(section), when, note
+                    )
                     rows.append(row)
     return rows
 
 
-def _stress(dataset: xr.Dataset) -> list[Row]:
+def _stress(dataset: xr.Dataset) -> list[MaximaRow]:
     """Largest and smallest stress, and of a dam with a tensile strength its demand."""
     rows, kinds = [], ("principal", "vertical", "arch")
     for name in kinds:  # stress that most of each face does not exceed: what a face is judged by
@@ -232,7 +234,7 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
             value = dataset[f"face_{name}_stress"].sel(stress_face=face, area_percentile=HEADLINE)
             label = f"{name} stress, {HEADLINE:g} % of the area"
             note = written_note(dataset) if value.notnull() else IN_RING
-            rows.append(Row(label, float(value), "Pa", str(face), note=note))
+            rows.append(MaximaRow(label, float(value), "Pa", str(face), note=note))
     for side, find in (("max", np.nanargmax), ("min", np.nanargmin)):
         for name in kinds:
             variable = f"{side}_{name}_stress"
@@ -253,13 +255,13 @@ def _stress(dataset: xr.Dataset) -> list[Row]:
     for face in dataset.stress_face.values if "overstressed_area" in dataset else ():
         of_face = dataset.sel(stress_face=face)
         share = 100.0 * float(of_face.overstressed_area[0]) / float(of_face.stress_face_area)
-        rows.append(Row("overstressed part of the face, with the ring", share, "%", str(face)))
+        rows.append(MaximaRow("overstressed part of the face, with the ring", share, "%", str(face)))
     return rows
 
 
 def _at_worst(
     dataset: xr.Dataset, label: str, values: xr.DataArray, find: Callable[[Floats], Any] = np.nanargmax
-) -> list[Row]:
+) -> list[MaximaRow]:
     """Worst of (stress_node,) values, and the worst outside the ring where the first is in it."""
     whole, rows, note = values.values, [], written_note(dataset)
     ring = dataset.stress_ring.values > 0 if "stress_ring" in dataset else np.zeros(len(whole), dtype=bool)
@@ -270,7 +272,7 @@ def _at_worst(
             position = ", ".join(f"{x:.4g}" for x in dataset.stress_position.values[k])
             where = f"{dataset.stress_block.values[k]} ({position})"
             when = "" if time is None else f"{float(time[k]):.3f}"
-            rows.append(Row(name, float(value[k]), str(values.attrs["units"]), where, when, note))
+            rows.append(MaximaRow(name, float(value[k]), str(values.attrs["units"]), where, when, note))
     return rows
 
 
@@ -302,7 +304,7 @@ def face_rows(dataset: xr.Dataset) -> list[tuple[str, ...]]:
     return rows
 
 
-def limits_of(dataset: xr.Dataset) -> dict[str, Limits]:
+def limits_of(dataset: xr.Dataset) -> dict[str, StressLimits]:
     """Limits of linear analysis of the dam at hand; of every kind where the result names none."""
     config = json.loads(str(dataset.attrs.get("configuration", "{}")))
     return {kind: LIMITS[kind] for kind in LIMITS if config.get(kind.replace(" ", "_"))} or LIMITS

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.stress.faces import CRITERIA, HEADLINE, LIMITS, verdict
-from romdam.postprocess.variant_tables import Row, Table
+from romdam.postprocess.variant_tables import Row, VariantTable
 
 STAGES = "stages"  # of file names
 HEAD = ("quantity", "where", "unit", "response spectrum", "linear history", "nonlinear run")
@@ -19,7 +19,9 @@ _IN_RING = "not judged: all of it is in the ring"
 _ELASTIC = 1.0  # demand-capacity ratio up to which nothing cracks
 
 
-def stage_table(record: str, spectrum: xr.Dataset, linear: xr.Dataset, nonlinear: xr.Dataset | None) -> Table:
+def stage_table(
+    record: str, spectrum: xr.Dataset, linear: xr.Dataset, nonlinear: xr.Dataset | None
+) -> VariantTable:
     """Put peaks, demand and verdicts of the stages side by side.
 
     Parameters
@@ -30,7 +32,7 @@ def stage_table(record: str, spectrum: xr.Dataset, linear: xr.Dataset, nonlinear
     every = [*_displacements(spectrum, linear, nonlinear), *_stress(spectrum, linear, nonlinear)]
     every += _joints(spectrum, linear, nonlinear)
     rows: list[Row] = [tuple(map(_text, row)) for row in every]
-    return Table(STAGES, f"Stages of the analysis, {record}", "", HEAD, rows)
+    return VariantTable(STAGES, f"Stages of the analysis, {record}", "", HEAD, rows)
 
 
 def _text(value: object) -> str:

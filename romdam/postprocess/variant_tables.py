@@ -13,7 +13,7 @@ Row = tuple[str | int | float, ...]
 
 
 @dataclass(frozen=True)
-class Table:
+class VariantTable:
     """A table with a name for its file, a title, what its cells are, a head and rows."""
 
     name: str
@@ -23,7 +23,7 @@ class Table:
     rows: Sequence[Row]
 
 
-def variant_tables(comparison: xr.Dataset) -> list[Table]:
+def variant_tables(comparison: xr.Dataset) -> list[VariantTable]:
     """Every table that the comparison has numbers for."""
     tables = [make(comparison) for make in (_cost, _peaks, _worst_steps, _stress)]
 
@@ -33,7 +33,7 @@ def variant_tables(comparison: xr.Dataset) -> list[Table]:
     head = ("variant", *map(str, both["quantity"].values))
     rows: list[Row] = [(name, *_pairs(variant)) for name, variant in _each(both) if name != reference]
     note = f"Over “{reference}”: L2 / peak [%]"
-    tables.append(Table("to_reference", "Difference to the reference", note, head, rows))
+    tables.append(VariantTable("to_reference", "Difference to the reference", note, head, rows))
 
     # all against all in one quantity: the first pair's, else the first there is
     quantities = [str(name) for name in comparison["quantity"].values]
@@ -42,11 +42,11 @@ def variant_tables(comparison: xr.Dataset) -> list[Table]:
     rows = [(name, *_pairs(pair)) for name, pair in _each(of_chosen)]
     note = f"{chosen[0].upper()}{chosen[1:]}, the row over the column: L2 / peak [%]"
     head = ("variant", *map(str, of_chosen.against.values))
-    tables.append(Table("to_each_other", "Each against each", note, head, rows))
+    tables.append(VariantTable("to_each_other", "Each against each", note, head, rows))
     return [table for table in tables if table.rows]
 
 
-def _cost(comparison: xr.Dataset) -> Table:
+def _cost(comparison: xr.Dataset) -> VariantTable:
     reference = float(comparison.cpu_seconds_loop.sel(variant=comparison.attrs["reference"]))
     about = ("variant", "order", "unknowns", "gaps", "step [ms]", "steps")
     head = (*about, "reduction [s]", "loop [s]", "in all [s]", "ratio")
@@ -67,10 +67,10 @@ def _cost(comparison: xr.Dataset) -> Table:
             )
         )
     note = "CPU time; the ratio is that of the reference's time loop to this one"
-    return Table("cost", "Size and cost", note, head, rows)
+    return VariantTable("cost", "Size and cost", note, head, rows)
 
 
-def _peaks(comparison: xr.Dataset) -> Table:
+def _peaks(comparison: xr.Dataset) -> VariantTable:
     """Largest values in the compared component, as the source paper's table 2."""
     axis, columns = comparison.attrs["compared_component"], []
     for variable, dim, words, factor in (
@@ -86,10 +86,12 @@ def _peaks(comparison: xr.Dataset) -> Table:
         (name, *(float(c.sel(variant=name)) for _, c in columns)) for name, _ in _each(comparison)
     ]
     note = "The value whose magnitude is largest, with its sign"
-    return Table("peaks", "Peaks", note, ("variant", *(head for head, _ in columns)), rows if columns else [])
+    return VariantTable(
+        "peaks", "Peaks", note, ("variant", *(head for head, _ in columns)), rows if columns else []
+    )
 
 
-def _worst_steps(comparison: xr.Dataset) -> Table:
+def _worst_steps(comparison: xr.Dataset) -> VariantTable:
     """Components when a node, or a pair, is farthest from where it was."""
     rows: list[Row] = []
     for variable, dim in (("peak_displacement", "node"), ("peak_relative_displacement", "pair")):
@@ -99,17 +101,19 @@ def _worst_steps(comparison: xr.Dataset) -> Table:
                 time = float(variant[f"{variable}_time"])
                 rows.append((str(point), name, *map(float, vector), float(np.linalg.norm(vector)), time))
     head = ("where", "variant", "x [mm]", "y [mm]", "z [mm]", "magnitude [mm]", "at [s]")
-    return Table("worst_steps", "Worst steps", "When the node, or the pair, is displaced most", head, rows)
+    return VariantTable(
+        "worst_steps", "Worst steps", "When the node, or the pair, is displaced most", head, rows
+    )
 
 
-def _stress(comparison: xr.Dataset) -> Table:
+def _stress(comparison: xr.Dataset) -> VariantTable:
     rows: list[Row] = []
     for stress in comparison.stress.values if "stress_peak" in comparison else ():
         for name, variant in _each(comparison.sel(stress=stress)):
             value, time = 1e-6 * float(variant.stress_peak), float(variant.stress_peak_time)
             rows.append((f"{stress} stress", name, value, str(variant.stress_peak_place.values), time))
     head = ("stress", "variant", "[MPa]", "where (x, y, z [m])", "at [s]")
-    return Table("stress", "Largest stresses", "Of all nodes and written times", head, rows)
+    return VariantTable("stress", "Largest stresses", "Of all nodes and written times", head, rows)
 
 
 def _pairs(dataset: xr.Dataset) -> list[str]:
@@ -133,7 +137,7 @@ def _each(comparison: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
         yield str(name), comparison.sel(variant=name)
 
 
-def markdown(tables: list[Table]) -> str:
+def markdown(tables: list[VariantTable]) -> str:
     """Tables as Markdown, numbers with four digits."""
     texts = []
     for table in tables:

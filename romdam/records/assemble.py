@@ -23,12 +23,12 @@ from romdam.records.processing.correction import (
 )
 from romdam.records.processing.final_motion import said_of_changes, said_of_end
 from romdam.records.processing.offset import doubt_drift, find_offset
-from romdam.records.sources import Recorded
+from romdam.records.sources import ReadRecord
 
 PEER_USABLE = 1.25  # lowest usable frequency over the high-pass corner (Ancheta et al. 2013)
 
 
-def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
+def build_motion(source: ReadRecord, axes: dict[str, Channel]) -> GroundMotion:
     """Make the ground motion of one record.
 
     In this order: missing samples are filled; each channel is checked, turned to m/s2 and cut to what all
@@ -50,7 +50,7 @@ def build_motion(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
         return _build(source, axes)
 
 
-def _build(source: Recorded, axes: dict[str, Channel]) -> GroundMotion:
+def _build(source: ReadRecord, axes: dict[str, Channel]) -> GroundMotion:
     config, location = source.config, source.location
     chosen, left_out = (list(axes.values()), ()) if axes else _pointed(source)
     channels = [_filled(channel, config) for channel in chosen]
@@ -153,7 +153,7 @@ def _lowest_usable(channels: list[Channel]) -> float:
     return max(limits)
 
 
-def _pointed(source: Recorded) -> tuple[list[Channel], tuple[str, ...]]:
+def _pointed(source: ReadRecord) -> tuple[list[Channel], tuple[str, ...]]:
     """The channels to be rotated, with the azimuths that the entry declares, and what is said of others.
 
     Raises
@@ -279,7 +279,7 @@ def _scale(
 
 
 def _provenance(
-    source: Recorded,
+    source: ReadRecord,
     channels: list[Channel],
     factors: NDArray[np.float64],
     matrix: NDArray[np.float64],

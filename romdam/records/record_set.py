@@ -24,7 +24,7 @@ from romdam.records.design.selection import Candidate, select_motions
 from romdam.records.plausible import DOUBTED_UNIT
 from romdam.records.processing.offset import COUNTED_AS_MOTION
 from romdam.records.processing.sequence import in_sequence
-from romdam.records.sources import Recorded, pick, sources_of
+from romdam.records.sources import ReadRecord, pick, sources_of
 
 EACH = "each"
 
@@ -249,7 +249,7 @@ def _candidates(entry: RecordConfig, folder: Path) -> list[Loaded]:
     return compared + unread
 
 
-def _motions(recorded: Recorded) -> Iterator[GroundMotion]:
+def _motions(recorded: ReadRecord) -> Iterator[GroundMotion]:
     """One motion per record, or one per channel where an axis asks for each."""
     components, channels, location = recorded.config.components, recorded.channels, recorded.location
     axes = [axis for axis, component in components.items() if component.channel == EACH]

@@ -30,7 +30,7 @@ NOT_RECORDS = {".md", ".yaml", ".yml", ".csv", ".json", ".xml", ".py", ".pdf", "
 
 
 @dataclass(frozen=True)
-class Recorded:
+class ReadRecord:
     """The channels of one record and where they came from.
 
     Attributes
@@ -65,7 +65,7 @@ class Source:
     """
 
     name: str
-    read: Callable[[], list[Recorded]]
+    read: Callable[[], list[ReadRecord]]
     is_record: bool = False
 
 
@@ -138,7 +138,7 @@ def files_of_record(path: Path) -> tuple[str, list[Path]]:
     return known[0] if known else (path.stem, [path])
 
 
-def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> list[Recorded]:
+def _from_files(name: str, paths: list[Path], entry: RecordConfig, folder: Path) -> list[ReadRecord]:
     """One record of one or several files, whose channels stand in their order."""
     first, *others = [_from_file(path, entry, folder) for path in paths]
     channels = [channel for recorded in (first, *others) for channel in recorded.channels]
@@ -173,7 +173,7 @@ def _files(pattern: Path, stated: str) -> list[Path]:
     return paths
 
 
-def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list[Recorded]:
+def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list[ReadRecord]:
     """Records of one station and event each; files that are no acceleration are left out with a word.
 
     Raises
@@ -181,7 +181,7 @@ def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list
     RecordError
         for a record that is damaged: its station would lack a component.
     """
-    every: list[Recorded] = []
+    every: list[ReadRecord] = []
     left_out: list[str] = []
     for path in paths:
         try:
@@ -198,7 +198,7 @@ def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list
         first = every[0].channels[0]
         noted = replace(first, warnings=(*first.warnings, said))
         every[0] = replace(every[0], channels=[noted, *every[0].channels[1:]])
-    groups: dict[tuple[str, str, str], list[Recorded]] = {}  # event, network, station
+    groups: dict[tuple[str, str, str], list[ReadRecord]] = {}  # event, network, station
     for recorded in every:
         for channel in recorded.channels:
             event, network, station = (
@@ -217,14 +217,14 @@ def _from_stations(paths: list[Path], entry: RecordConfig, folder: Path) -> list
             name += f"_{events.index(event) + 1}"
         files = {file: digest for part in parts for file, digest in part.files.items()}
         channels = [channel for part in parts for channel in part.channels]
-        records.append(Recorded(name, ", ".join(files), channels, parts[0].config, files))
+        records.append(ReadRecord(name, ", ".join(files), channels, parts[0].config, files))
     return records
 
 
-def _from_file(path: Path, config: RecordConfig, folder: Path) -> Recorded:
+def _from_file(path: Path, config: RecordConfig, folder: Path) -> ReadRecord:
     channels = _read(path, config, folder)
     digest = hashlib.sha256(read_bytes(path)).hexdigest()
-    return Recorded(config.name or path.stem, str(path), channels, config, {path.name: digest})
+    return ReadRecord(config.name or path.stem, str(path), channels, config, {path.name: digest})
 
 
 def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
@@ -244,7 +244,7 @@ def _read(path: Path, config: RecordConfig, folder: Path) -> list[Channel]:
     return channels
 
 
-def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
+def _from_component_files(config: RecordConfig, folder: Path) -> list[ReadRecord]:
     """One file per axis; where a file holds several channels, `channel` picks one."""
     picked: dict[str, Channel] = {}
     files: dict[str, str] = {}
@@ -255,7 +255,7 @@ def _from_component_files(config: RecordConfig, folder: Path) -> list[Recorded]:
         files[path.name] = hashlib.sha256(read_bytes(path)).hexdigest()
     location = ", ".join(files)
     name = config.name or Path(next(iter(files))).stem
-    return [Recorded(name, location, list(picked.values()), config, files, {}, picked)]
+    return [ReadRecord(name, location, list(picked.values()), config, files, {}, picked)]
 
 
 def pick(channels: list[Channel], wanted: int | str | None, location: str, axis: str) -> Channel:
@@ -319,7 +319,7 @@ def matching_files(pattern: Path) -> list[Path]:
     return sorted(path for path in paths if path.is_file() and not path.name.startswith("."))
 
 
-def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> list[Recorded]:
+def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> list[ReadRecord]:
     """Read the record of one row of a manifest, which must be the one that the manifest means."""
     config, about = read_row(manifest, entry, number, row)
     recorded = _from_file(manifest.parent / str(config.file), config, manifest.parent)
@@ -343,10 +343,10 @@ def _from_row(manifest: Path, entry: RecordConfig, number: int, row: object) -> 
     return [replace(recorded, about=about)]
 
 
-def _from_suite(config: RecordConfig) -> list[Recorded]:
+def _from_suite(config: RecordConfig) -> list[ReadRecord]:
     from romdam.records.p695 import read_p695  # here: needs the extra `suites`
 
     return [
-        Recorded(name, f"suite {name}", channels, config)
+        ReadRecord(name, f"suite {name}", channels, config)
         for name, channels in read_p695(str(config.suite)).items()
     ]

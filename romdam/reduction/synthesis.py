@@ -20,7 +20,7 @@ from romdam.core.errors import ReductionError
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.added_mass import AddedMass
-from romdam.effects.effect import Coordinates, Effect, ModalCoordinates
+from romdam.effects.effect import Effect, EffectCoordinates, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
@@ -129,7 +129,7 @@ class DryModel:
     def with_effects(self, effects: Sequence[Effect]) -> ReducedModel:
         """The reduced model, once all effects act."""
         system, water = self.system, next((one for one in effects if isinstance(one, AddedMass)), None)
-        coordinates: Coordinates = ModalCoordinates(self.basis, system.size, self.choice.finer)
+        coordinates: EffectCoordinates = ModalCoordinates(self.basis, system.size, self.choice.finer)
         for effect in effects:
             system, coordinates = effect.add(system, coordinates)
         assert isinstance(coordinates, ModalCoordinates)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.core.arrays import Floats
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Joint, Scene, StressSites

@@ -50,7 +50,7 @@ def open_spectrum(path: Path) -> xr.Dataset | None:
 
 
 @dataclass(frozen=True)
-class Structure:
+class SpectrumModel:
     """What a response is computed from.
 
     Attributes
@@ -75,7 +75,7 @@ def structure_of(
     stress: Mapping[str, StressFields],
     at_joints: Mapping[str, StressFields] | None,
     begins: str,
-) -> Structure:
+) -> SpectrumModel:
     """The structure of a diagonal system without gaps.
 
     Parameters
@@ -85,11 +85,11 @@ def structure_of(
     """
     static = np.zeros(system.size) if begins == "undeformed" else system.force / system.K.diagonal()
     traction = None if at_joints is None else joint_traction(scene, at_joints, system.size)
-    return Structure(scene, static, system.observe.toarray(), stress, traction)
+    return SpectrumModel(scene, static, system.observe.toarray(), stress, traction)
 
 
 def spectrum_dataset(
-    structure: Structure, spectrum: Spectrum, peaks: ModalPeaks, total_mass: Floats
+    structure: SpectrumModel, spectrum: Spectrum, peaks: ModalPeaks, total_mass: Floats
 ) -> xr.Dataset:
     """Gather modes, displacements, stress, tractions and section forces.
 
@@ -145,7 +145,7 @@ def _modes(spectrum: Spectrum, total_mass: Floats) -> xr.Dataset:
     )
 
 
-def _displacement(structure: Structure, peaks: ModalPeaks) -> xr.Dataset:
+def _displacement(structure: SpectrumModel, peaks: ModalPeaks) -> xr.Dataset:
     shape = (len(structure.scene.probes), 3)
     dims = ("node", "component")
     rest = (structure.observe @ structure.static).reshape(shape)
@@ -166,7 +166,7 @@ def _displacement(structure: Structure, peaks: ModalPeaks) -> xr.Dataset:
     )
 
 
-def _stress(structure: Structure, sites: StressSites, peaks: ModalPeaks) -> xr.Dataset:
+def _stress(structure: SpectrumModel, sites: StressSites, peaks: ModalPeaks) -> xr.Dataset:
     scene, of_blocks = structure.scene, list[dict[str, Floats]]()
     for name, nodes in sites.blocks.items():
         if not len(nodes.nodes):  # a section cuts it, and no stress of it is asked for
@@ -283,7 +283,7 @@ def _faces(sites: StressSites, largest: Floats, counted: Floats) -> xr.Dataset:
     )
 
 
-def _sections(structure: Structure, sites: StressSites, peaks: ModalPeaks) -> xr.Dataset:
+def _sections(structure: SpectrumModel, sites: StressSites, peaks: ModalPeaks) -> xr.Dataset:
     if not sites.sections:
         return xr.Dataset()
     count, size = len(sites.sections), len(structure.static)
@@ -312,7 +312,7 @@ def _sections(structure: Structure, sites: StressSites, peaks: ModalPeaks) -> xr
     )
 
 
-def _tractions(structure: Structure, traction: JointTraction, peaks: ModalPeaks) -> xr.Dataset:
+def _tractions(structure: SpectrumModel, traction: JointTraction, peaks: ModalPeaks) -> xr.Dataset:
     joints, size = list(structure.scene.joints.values()), len(structure.static)
     rest = traction.rows @ structure.static + traction.offset
     added = peaks.combined(traction.rows.reshape(-1, size)).reshape(-1, 3)
@@ -366,7 +366,7 @@ def _tractions(structure: Structure, traction: JointTraction, peaks: ModalPeaks)
     )
 
 
-def tension_over_time(structure: Structure, q: Floats) -> xr.Dataset:
+def tension_over_time(structure: SpectrumModel, q: Floats) -> xr.Dataset:
     """Largest normal traction and force of every joint over a history of the reduced coordinates.
 
     Parameters

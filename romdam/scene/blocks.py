@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from romdam.config.effects import has_viscous_boundary
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.core.scene import Block, Material
 from romdam.geometry.arch_dam.generator import Dam, arch_dam
 from romdam.geometry.boxes import box_block

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.config.sections.loads import InitialStateConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import (

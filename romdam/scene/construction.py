@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from romdam.config.job import Config
 from romdam.config.sections.construction import GroutConfig
-from romdam.config.sections.job import Config
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError, listed, quote
 from romdam.core.scene import Block, ConstructionStage, Scene

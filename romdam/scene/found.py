@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from romdam.config.job import Config
 from romdam.config.patterns import with_matching_blocks
-from romdam.config.sections.job import Config
 from romdam.config.sections.joints import TOUCHING
 from romdam.config.sections.places import PlaneRef
 from romdam.core.arrays import Floats
@@ -24,7 +24,7 @@ from romdam.scene.blocks import dam_of, materials_of, named_blocks
 from romdam.scene.mortar.clearance import sagittas
 from romdam.scene.mortar.interface import STEEPEST
 from romdam.scene.mortar.segments import REACH, segments
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.pairing import do_not_touch
 from romdam.scene.select import select_facets
 
@@ -180,7 +180,7 @@ def touching_pairs(blocks: Mapping[str, Block], tolerance: float) -> list[tuple[
     ----------
     tolerance : distance of two faces that touch, besides their curvature [m]
     """
-    surfaces = {name: Surface.boundary(block) for name, block in blocks.items()}
+    surfaces = {name: MortarSurface.boundary(block) for name, block in blocks.items()}
     pairs = []
     for a, b in combinations(blocks, 2):
         reach = tolerance + 2.0 * REACH * min(surfaces[name].pieces.radius.max() for name in (a, b))

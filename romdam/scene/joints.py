@@ -29,7 +29,7 @@ from romdam.scene.gap_table import table_gap
 from romdam.scene.joint_stiffness import automatic_keys, element_stiffness, with_automatic_stiffness
 from romdam.scene.mortar.gaps import FaceGaps, mortar_gaps
 from romdam.scene.mortar.interface import mortar_interface
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.pairing import coincident_facets
 from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.strength_field import field_factors, scaled_keys
@@ -126,7 +126,7 @@ def build_joint(
     )
 
 
-def _linear_face(surface: Surface, corner: Ints) -> JointFace:
+def _linear_face(surface: MortarSurface, corner: Ints) -> JointFace:
     """The facets of a surface, in the pieces that the nodes with gaps cut them into."""
     every, facets = bool(np.isin(surface.facets, corner).all()), []
     for _, facet_nodes, _ in facets_by_kind(surface.facets):
@@ -137,7 +137,9 @@ def _linear_face(surface: Surface, corner: Ints) -> JointFace:
     return JointFace(surface.block, tuple(facets))
 
 
-def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, location: str) -> tuple[FaceGaps, Surface]:
+def _face_gaps(
+    joint: JointConfig, block_I: Block, block_J: Block, location: str
+) -> tuple[FaceGaps, MortarSurface]:
     """Put gaps between two blocks as the joint's `discretization` has it; and the face that they stand on."""
     pairs = None
     if joint.discretization != "mortar":
@@ -170,7 +172,7 @@ def _face_gaps(joint: JointConfig, block_I: Block, block_J: Block, location: str
                 weights=(weights, weights),
                 at_point=(at_point, at_point) if quadratic else None,
             )
-            return gaps, Surface(block_I.name, block_I.points, facets)
+            return gaps, MortarSurface(block_I.name, block_I.points, facets)
 
     interface = mortar_interface(block_I, block_J, joint.tolerance, joint.overlap, location)
     gaps = mortar_gaps(interface)

@@ -28,7 +28,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.machine import memory_limit
 from romdam.core.scene import Joint
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 
 if TYPE_CHECKING:
     from scipy.spatial import Delaunay
@@ -48,7 +48,7 @@ _DENSE = 5  # matrices of all nodes by all contact points at a time
 
 
 def coarsen_gaps(
-    joint: Joint, surface: Surface, spacing: float, along: Floats, origin: Floats, location: str
+    joint: Joint, surface: MortarSurface, spacing: float, along: Floats, origin: Floats, location: str
 ) -> Joint:
     """Replace the gaps of a joint by contact points about `spacing` apart; see the module.
 
@@ -131,7 +131,7 @@ def mean_normal(joint: Joint) -> Floats:
     return np.asarray(mean / np.linalg.norm(mean))
 
 
-def _outline(surface: Surface, corner: Ints) -> list[Ints]:
+def _outline(surface: MortarSurface, corner: Ints) -> list[Ints]:
     """Closed loops of gaps around a face, each once around; `corner` has the node of every gap."""
     number = np.full(len(surface.points), -1)
     number[corner] = np.arange(len(corner))

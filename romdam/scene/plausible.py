@@ -14,7 +14,7 @@ from romdam.core.scene import Block, Joint, Material, Scene
 from romdam.geometry.facets import boundary_facets, facet_areas
 from romdam.geometry.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.select import facet_keys
 
 _DENSITY = (800.0, 6000.0)  # [kg/m3]
@@ -248,7 +248,7 @@ def _partly(joint: Joint, blocks: dict[str, Block]) -> list[str]:
 def _unjoined(scene: Scene) -> list[str]:
     joined = {frozenset(joint.blocks) for joint in scene.joints.values()}
     joined |= {frozenset(tie.blocks) for tie in scene.ties}
-    faces = {name: Surface.boundary(block) for name, block in scene.blocks.items()}
+    faces = {name: MortarSurface.boundary(block) for name, block in scene.blocks.items()}
     remarks = []
     for pair in combinations(scene.blocks, 2):
         a, b = (scene.blocks[name].points for name in pair)

@@ -33,7 +33,7 @@ from romdam.core.scene import Block
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.nearest import nearest
 from romdam.scene.select import select_facets
-from romdam.scene.thickness import Surface, share_of_thickness
+from romdam.scene.thickness import UpstreamSurface, share_of_thickness
 
 YEAR = 365.25 * 86400.0  # s
 _ROUND_OFF = 1e-6  # of the range of a table's elevations, by which a node may lie beyond it
@@ -217,7 +217,7 @@ def _of_faces(
     columns["elevation"] = columns["elevation"] * scale
     months = _months(columns, month, table, every=config.through != "linear")
     surfaces = {
-        side: Surface.of(
+        side: UpstreamSurface.of(
             {
                 name: (
                     blocks[name].points,

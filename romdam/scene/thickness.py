@@ -24,7 +24,7 @@ _EDGE = 0.5  # of the thickness: a node farther above or below its block's face 
 
 
 @dataclass(frozen=True)
-class Surface:
+class UpstreamSurface:
     """Triangles of one face of several blocks.
 
     Attributes
@@ -45,7 +45,7 @@ class Surface:
 
 
 def share_of_thickness(
-    block: str, points: Floats, upstream: Surface, downstream: Surface, location: str
+    block: str, points: Floats, upstream: UpstreamSurface, downstream: UpstreamSurface, location: str
 ) -> tuple[Floats, Floats]:
     """Distance of a block's nodes from the upstream face as a share of the thickness, and the thickness [m].
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from romdam.config.job import Config
 from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK
-from romdam.config.sections.job import Config
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError

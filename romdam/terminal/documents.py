@@ -16,7 +16,7 @@ from romdam.error.statement import sentences
 if TYPE_CHECKING:
     import xarray as xr
 
-    from romdam.pipelines.check import Check
+    from romdam.pipelines.check import CheckedJob
     from romdam.pipelines.error.certify import Certified
     from romdam.pipelines.error.two_results import TwoResults
     from romdam.postprocess.maxima import JointPeaks
@@ -77,7 +77,7 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def check_document(check: Check, config: Path) -> Document:
+def check_document(check: CheckedJob, config: Path) -> Document:
     """A job that was checked."""
     return {
         "configuration": config,

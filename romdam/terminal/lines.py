@@ -17,13 +17,13 @@ from romdam.postprocess.run_warnings import COUNTED, LEDGER_LIMIT
 if TYPE_CHECKING:
     import xarray as xr
 
-    from romdam.pipelines.check import Check
+    from romdam.pipelines.check import CheckedJob
     from romdam.pipelines.suites.folder import Cleaned
     from romdam.pipelines.suites.run import SuiteOutcome
     from romdam.reduction.storage.user_cache import Entry
 
 
-def check_lines(check: Check) -> list[str]:
+def check_lines(check: CheckedJob) -> list[str]:
     """Frequencies and cost of a job that was checked, its warnings, and what is left to a run."""
     # three digits: a reduced model's frequencies lie above those of its mesh
     closed = ", ".join(f"{freq:.3g}" for freq in check.closed_frequencies)
@@ -47,7 +47,7 @@ def check_lines(check: Check) -> list[str]:
     ]
 
 
-def _support_lines(check: Check) -> list[str]:
+def _support_lines(check: CheckedJob) -> list[str]:
     """Motions that supports have besides the base's: where, how late, how strong."""
     lines = []
     for name, motion in check.supports.items():

@@ -15,9 +15,9 @@ from romdam.core.printable import one_line
 if TYPE_CHECKING:
     import xarray as xr
 
-    from romdam.benchmarks.case import Case, Row
-    from romdam.pipelines.check import Check
-    from romdam.postprocess.variant_tables import Table as VariantTable
+    from romdam.benchmarks.case import BenchmarkCase, Row
+    from romdam.pipelines.check import CheckedJob
+    from romdam.postprocess.variant_tables import VariantTable
 
 _ROUND_OFF = 5e-6  # relative difference that a table of benchmarks shows as none
 
@@ -198,7 +198,7 @@ def measured_table(dataset: xr.Dataset) -> Table:
     return table
 
 
-def check_tables(check: Check) -> list[Table]:
+def check_tables(check: CheckedJob) -> list[Table]:
     """Blocks, joints, ties and records of a job that was checked."""
     blocks = _table(
         "Blocks",
@@ -315,7 +315,7 @@ def certificate_table(statement: Mapping[str, Any]) -> Table:
     return table
 
 
-def cases_table(cases: Sequence[Case]) -> Table:
+def cases_table(cases: Sequence[BenchmarkCase]) -> Table:
     """Cases of the benchmark set, what they are, and the sources of their numbers."""
     table = _table("Benchmarks", ("case", "model", "numbers", "sources"), ())
     for case in cases:

@@ -40,7 +40,7 @@ from simulating import simulated
 
 from romdam.benchmarks.frequency_response import inputs
 from romdam.config import parse_config
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.full_order import assemble_full

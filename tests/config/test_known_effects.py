@@ -21,7 +21,7 @@ from romdam.core.scene import Block, ConstructionStage, FreeField, Joint, Materi
 from romdam.core.system import GapLaw, System
 from romdam.effects.full_order import assemble_full
 from romdam.export import build, matrices
-from romdam.export.deck import Motion
+from romdam.export.deck import DeckMotion
 from romdam.geometry.matrices import block as of_matrices
 from romdam.pipelines import stability
 from romdam.pipelines.error import certify as certifying
@@ -153,7 +153,7 @@ def with_entry(scene: Scene, section: str, name: str, value: Any) -> Scene:
 
 def test_a_field_that_a_deck_does_not_know_is_refused():
     config, scene = small_scene()
-    motion = Motion("none", np.zeros((3, 5)), 0.01, 1)
+    motion = DeckMotion("none", np.zeros((3, 5)), 0.01, 1)
 
     def deck(of: Scene) -> object:
         return build.build_deck(of, config.damping, motion, title="", static=False)

@@ -11,9 +11,9 @@ import pytest
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from romdam.config.job import Config
 from romdam.config.quantities import spelt, unit_of
 from romdam.config.schema import schema
-from romdam.config.sections.job import Config
 from romdam.config.yaml_text import read_yaml
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from romdam.pipelines.error.estimate import (
     reduced_models,
     with_estimates,
 )
-from romdam.pipelines.simulation import Model, prepare, simulate_motion
+from romdam.pipelines.simulation import RunModel, prepare, simulate_motion
 from romdam.reduction.refinement import parts_without_refinement
 from romdam.scene.ties import scene_parts
 
@@ -68,7 +68,7 @@ def test_where_the_finer_model_is_the_runs_the_error_is_unknown():
     prepared = prepare(job, reduced.system)
     run = simulate_motion(job, prepared, case.motion, 1.0)
     same = replace(finer, prepared=prepared, not_finer=(part,))
-    model = Model(case.scene, prepared, reduced, same)
+    model = RunModel(case.scene, prepared, reduced, same)
     _, statement = with_estimates(job, model, case.motion, run)
     assert statement.errors == {} and "unknown" in statement.attributes["error_estimate"]
     assert part in statement.sentence and "error_estimate_opening_l2" not in statement.attributes

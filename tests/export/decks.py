@@ -13,7 +13,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.full_order import assemble_full
 from romdam.export.build import build_deck
-from romdam.export.deck import Deck, Motion
+from romdam.export.deck import Deck, DeckMotion
 from romdam.scene.build import build_scene
 
 ROOT = Path(__file__).parents[2]
@@ -63,7 +63,7 @@ def pulse(dt: float, seconds: float = 0.6) -> np.ndarray:
 def built(raw: dict[str, object], dt: float = DT, static: bool = False) -> tuple[Scene, Deck]:
     config = parse_config(raw, "job.yaml")
     scene = build_scene(config, ROOT, "job.yaml")
-    motion = Motion("pulse", pulse(dt), dt, 1)
+    motion = DeckMotion("pulse", pulse(dt), dt, 1)
     return scene, build_deck(scene, config.damping, motion, title="a job", static=static)
 
 

@@ -14,7 +14,7 @@ from romdam.scene.build import build_scene
 from romdam.timestepping.construction import constructed
 from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.visual.report.one_run import RunSubject, loads_section
-from romdam.visual.report.parts import Table
+from romdam.visual.report.parts import PageTable
 
 E, RHO, ALPHA, G = 20e9, 2500.0, 1e-5, 9.81
 STIFFNESS = 5e9  # Pa/m
@@ -374,7 +374,9 @@ def test_result_and_report_have_the_openings_by_stage(tmp_path):
     assert "construction_normal_force" in data
     config = parse_config(run_job(tmp_path), "dam.yaml")
     parts = loads_section(RunSubject(data, config, {}, {})).parts
-    (table,) = (part for part in parts if isinstance(part, Table) and "stage of construction" in part.caption)
+    (table,) = (
+        part for part in parts if isinstance(part, PageTable) and "stage of construction" in part.caption
+    )
     assert table.head == ["joint", "blocks", "lower", "upper", "lake"]
     assert [row[0] for row in table.rows] == ["J1", "J2"]
     for row in table.rows:

@@ -8,7 +8,7 @@ from romdam.core.scene import Sound
 from romdam.effects.added_mass import AddedMass, added_mass_matrix, wet_modes
 from romdam.effects.channel import impedance_network, radiating_end
 from romdam.effects.compressible_water import Waves, reduced_waves
-from romdam.fem.water.body import Section
+from romdam.fem.water.body import WaterSection
 
 
 def test_wet_mode_of_one_unknown():
@@ -31,7 +31,7 @@ def test_waves_of_a_channel_with_one_section_mode():
     y'' + c^2 (q 0.3 + rho 1e-8) phi^2 y' + c^2 4 y = rho c^2 phi (1, 3, 0) v.
     """
     H, G, floor, rock = (csr_matrix([[value]]) for value in (2.0, 0.5, 0.3, 1e-8))
-    section = Section(H, G, floor, np.array([[1.0, 3.0, 0.0]]), rock)
+    section = WaterSection(H, G, floor, np.array([[1.0, 3.0, 0.0]]), rock)
     end = radiating_end(section, Sound(1400.0, 0.8, 1e4), 1e-4, 1000.0)
     np.testing.assert_allclose(end.drive.k, [4 * 1400.0**2], rtol=1e-12)
     np.testing.assert_allclose(end.drive.c, [[1400.0**2 * (1e-4 * 0.3 + 1000.0 * 1e-8) * 2.0]], rtol=1e-12)

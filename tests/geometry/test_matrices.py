@@ -18,7 +18,7 @@ from romdam.core.scene import Material
 from romdam.core.sealed import creating
 from romdam.fem.assembly import assemble
 from romdam.geometry.matrices.checks import check_matrices
-from romdam.geometry.matrices.data import DIRECTIONS, Unknowns
+from romdam.geometry.matrices.data import DIRECTIONS, MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices, read_matrices
 from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.geometry.meshes.files import MeshFiles
@@ -46,7 +46,11 @@ def of_mesh():
     mesh = block()
     K, M = assemble(mesh)
     node = np.repeat(10 * (np.arange(len(mesh.points)) + 1), 3)
-    return K, M, Unknowns(node, np.tile(np.arange(3), len(mesh.points)), np.repeat(mesh.points, 3, axis=0))
+    return (
+        K,
+        M,
+        MatrixUnknowns(node, np.tile(np.arange(3), len(mesh.points)), np.repeat(mesh.points, 3, axis=0)),
+    )
 
 
 def write_csv(path, unknowns):
@@ -267,7 +271,7 @@ def test_calculix_has_the_stiffness_and_the_consistent_mass_of_hex8():
 )
 def test_units_are_converted(units, length, mass, time, tmp_path):
     K, M, unknowns = of_mesh()
-    written = Unknowns(unknowns.node, unknowns.motion, unknowns.position * length)
+    written = MatrixUnknowns(unknowns.node, unknowns.motion, unknowns.position * length)
     keys = write_market(tmp_path, K * (mass / time**2), M * mass, written)
     mmwrite(tmp_path / "f.mtx", np.full((len(unknowns), 1), 5.0))
     own = read(tmp_path, **keys, units=units, force="f.mtx", damping="K.mtx")
@@ -298,7 +302,7 @@ def with_unknowns(**parts):
         own = {name: getattr(unknowns, name).copy() for name in ("node", "motion", "position")}
         for name, make in parts.items():
             own[name] = make(own[name])
-        return K, M, Unknowns(**own)
+        return K, M, MatrixUnknowns(**own)
 
     return change
 
@@ -372,7 +376,7 @@ def beam(length=3.0):
         K[at] += np.array([[a, b, -a, b], [b, c, -b, d], [-a, -b, a, -b], [b, d, -b, c]])
     motion = np.tile(np.arange(6), 2)
     position = np.repeat([[1.0, 2.0, 3.0], [1.0 + length, 2.0, 3.0]], 6, axis=0)
-    unknowns = Unknowns(np.repeat([1, 2], 6), motion, position)
+    unknowns = MatrixUnknowns(np.repeat([1, 2], 6), motion, position)
     return FileMatrices(unknowns, csr_matrix(K), csr_matrix(np.eye(12)), None, None, np.zeros(12))
 
 
@@ -423,7 +427,7 @@ def test_files_that_are_not_there_or_of_no_format_are_named(tmp_path):
         ("unknowns", "K.mtx", "known endings are .dof, .csv"),
         ("nodes", "u.docx", "known endings are .csv"),
     ):
-        lacking = Unknowns(*of_mesh()[2].labels.T, np.full((36, 3), np.nan))
+        lacking = MatrixUnknowns(*of_mesh()[2].labels.T, np.full((36, 3), np.nan))
         write_csv(tmp_path / "u.csv", lacking if key == "nodes" else of_mesh()[2])
         with pytest.raises(MeshError, match=rf"\.{key}: .*{re.escape(message)}"):
             read(tmp_path, **keys | {key: value})

@@ -18,7 +18,7 @@ from romdam.core.scene import Material
 from romdam.fem.assembly import assemble
 from romdam.geometry.boxes import box_block
 from romdam.geometry.matrices.checks import check_matrices
-from romdam.geometry.matrices.data import INTERNAL, Unknowns
+from romdam.geometry.matrices.data import INTERNAL, MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices
 
 PLACE = "job.yaml: blocks.right.matrices"
@@ -58,7 +58,7 @@ def superelement(held=(), modes=9, mixed=False):
         T = T @ mixture
     motion = np.r_[b % 3, np.full(modes, INTERNAL)]
     position = np.vstack([mesh.points[b // 3], np.full((modes, 3), np.nan)])
-    unknowns = Unknowns(np.r_[b // 3 + 1, 1000 + np.arange(modes)], motion, position)
+    unknowns = MatrixUnknowns(np.r_[b // 3 + 1, 1000 + np.arange(modes)], motion, position)
     return FileMatrices(
         unknowns, csr_matrix(T.T @ K @ T), csr_matrix(T.T @ M @ T), None, None, np.zeros(T.shape[1])
     )
@@ -135,7 +135,7 @@ def test_what_is_held_inside_in_all_motions_passes_and_is_a_warning():
 
 def test_internal_unknowns_that_hang_loose_are_refused():
     own, pair = superelement(), np.array([[1.0, -1.0], [-1.0, 1.0]])
-    unknowns = Unknowns(
+    unknowns = MatrixUnknowns(
         np.r_[own.unknowns.node, 5000, 5001],
         np.r_[own.unknowns.motion, INTERNAL, INTERNAL],
         np.vstack([own.unknowns.position, np.full((2, 3), np.nan)]),

@@ -132,7 +132,7 @@ def held_against_the_raw(step, offset):
 
     from romdam.records.assemble import build_motion
     from romdam.records.p695 import read_p695
-    from romdam.records.sources import Recorded
+    from romdam.records.sources import ReadRecord
 
     sets = {name: read_p695(name) for name in {name for name, _ in components(1)}}
     silent, refused, said = [], 0, 0
@@ -142,7 +142,7 @@ def held_against_the_raw(step, offset):
         )
         for name, key in components(step):
             channels = [replace(one, data=one.data + offset) for one in sets[name][key]]
-            source = Recorded(key, key, channels, config, {}, {})
+            source = ReadRecord(key, key, channels, config, {}, {})
             try:
                 motion = build_motion(source, dict(zip("xy", channels, strict=True)))
             except RecordError:

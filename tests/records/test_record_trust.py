@@ -13,7 +13,7 @@ from romdam.records.assemble import build_motion
 from romdam.records.formats.registry import FORMATS, read_channels
 from romdam.records.p695 import SETS
 from romdam.records.record_set import load_records
-from romdam.records.sources import Recorded
+from romdam.records.sources import ReadRecord
 
 G = 9.80665
 
@@ -134,7 +134,7 @@ def test_units_that_do_not_count_are_told_in_the_order_of_the_channels():
     units = [f"{factor} m/s2" for factor in (9.83, 9.77, 9.81)]
     channels = [replace(samples.channel("HNE", i + 1), unit=unit) for i, unit in enumerate(units)]
     entry = RecordConfig.model_validate({"file": "r", "unit": "g", "components": {"y": 1}})
-    motion = build_motion(Recorded("r", "r", channels, entry), dict(zip("xyz", channels, strict=True)))
+    motion = build_motion(ReadRecord("r", "r", channels, entry), dict(zip("xyz", channels, strict=True)))
     told = [text for text in motion.warnings if text.startswith("the file says ")]
     assert [text.removeprefix("the file says ").partition(" (")[0] for text in told] == units
 

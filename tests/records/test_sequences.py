@@ -17,7 +17,7 @@ from romdam.terminal.documents import info_document
 from romdam.terminal.lines import info_lines, suite_warning_lines
 from romdam.terminal.tables import check_tables, suite_table
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import Table
+from romdam.visual.report.parts import PageTable
 from romdam.visual.report.sections import suite_report
 from romdam.visual.report.statistics import responses_section
 from romdam.visual.report.subject import Subject, Topic
@@ -232,7 +232,9 @@ def test_a_dam_that_still_moves_when_the_aftershock_comes_is_said(tmp_path):
     text = page(suite_report(Subject(summary, Topic("peak_slip"))))
     assert "Statistics over records are without the runs of main (in after) alone" in text
     rows = responses_section(Subject(summary, Topic("peak_slip"))).parts
-    slip = next(row for part in rows if isinstance(part, Table) for row in part.rows if row[0] == "peak slip")
+    slip = next(
+        row for part in rows if isinstance(part, PageTable) for row in part.rows if row[0] == "peak slip"
+    )
     assert slip[4] == pytest.approx(1e3 * float(repeated.peak_slip[0]), rel=1e-3) and slip[-1] == 1
     main, both = (json.loads(dataset.attrs["run_warnings"]) for dataset in (alone, repeated))
     assert any("after starts at 0.25 s, when the dam still moves" in text for text in both)

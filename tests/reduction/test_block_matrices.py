@@ -19,7 +19,7 @@ from romdam.core.sealed import creating, reading
 from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble
-from romdam.geometry.matrices.data import DIRECTIONS, Unknowns
+from romdam.geometry.matrices.data import DIRECTIONS, MatrixUnknowns
 from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
@@ -108,7 +108,7 @@ def test_nodes_that_move_along_systems_of_nastran_give_the_same_frequencies_and_
     keys = write_frames(tmp_path, right, K, M, C, force, place)
     basic = np.repeat(10 * (np.arange(len(right.points)) + 1), 3)
     with creating(tmp_path / "b.h5") as file:
-        unknowns = Unknowns(
+        unknowns = MatrixUnknowns(
             basic, np.tile(np.arange(3), len(right.points)), np.repeat(right.points, 3, axis=0)
         )
         write_unknowns(file, unknowns)
@@ -207,7 +207,7 @@ def test_matrices_whose_supports_were_applied_before(tmp_path, caplog):
     K, M = assemble(block)
     node, position = np.arange(len(free)) // 3, np.repeat(block.points, 3, axis=0)
     with creating(tmp_path / "r.h5") as file:
-        write_unknowns(file, Unknowns(node[free], (np.arange(len(free)) % 3)[free], position[free]))
+        write_unknowns(file, MatrixUnknowns(node[free], (np.arange(len(free)) % 3)[free], position[free]))
         write_matrix(file, "stiffness", csr_matrix(K[free][:, free]))
         write_matrix(file, "mass", csr_matrix(M[free][:, free]))
         file["inertia"] = (M @ np.tile(np.eye(3), (len(block.points), 1)))[free]
@@ -227,7 +227,7 @@ def with_oscillator(folder, scene):
     K[top, top] += spring
     K[top, n] = K[n, top] = -spring
     K[n, n], M[n, n], K[n + 1, n + 1], M[n + 1, n + 1] = spring, 2e4, 3e9, 1e3
-    unknowns = Unknowns(
+    unknowns = MatrixUnknowns(
         np.r_[np.repeat(np.arange(n // 3) + 1, 3), 900, 901],
         np.r_[np.tile(np.arange(3), n // 3), [DIRECTIONS.index("internal")] * 2],
         np.vstack([np.repeat(block.points, 3, axis=0), np.full((2, 3), np.nan)]),

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # what tests share
 from simulating import simulated
 
 from romdam.config import load_config, parse_config
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.core.arrays import Floats, Ints
 from romdam.core.scene import Scene
 from romdam.core.system import History, System

@@ -18,7 +18,7 @@ from romdam.error.statement import opening_errors, sentences
 from romdam.pipelines.report import report_run
 from romdam.visual.report.document import A4, LETTER, _column_widths, set_sheets
 from romdam.visual.report.one_run import RunSubject, _facts, run_report
-from romdam.visual.report.parts import Cell, Fact, Report, Section, Table, Text
+from romdam.visual.report.parts import Fact, PageCell, PageSection, PageTable, Report, Text
 
 NIST = {  # SP 811, appendix B.8: what one unit is in SI, to its seven digits
     ("m", 25.4e-3): "in", ("m2", 9.290304e-2): "ft²", ("N", 4448.222): "kip", ("Pa", 6894.757): "psi",
@@ -63,7 +63,7 @@ def subject_of(dataset, job, system=SI):
 
 def cells(report: Report, head: str) -> dict[str, list[str]]:
     """First cell -> the others, of the table of a report whose first column has a name."""
-    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, PageTable)]
     table = next(table for table in tables if table.caption.startswith(head))
     return {row[0].text: [cell.text for cell in row[1:]] for row in table.cells}
 
@@ -86,7 +86,7 @@ def test_the_peak_of_the_record_is_in_g(result, job):
         part
         for section in report.sections
         for part in section.shown
-        if section.title == "Ground motion" and isinstance(part, Table) and not part.head
+        if section.title == "Ground motion" and isinstance(part, PageTable) and not part.head
     )
     rows = {row[0].text: row[1].text for row in table.cells}
     peaks = {
@@ -104,7 +104,7 @@ def test_a_check_beyond_its_limit_is_not_met(result, job):
     dataset = result.dataset.assign_attrs(solver_ledger_imbalance=2e-3, solver_accuracy=0.01,
                                           solver_estimated_time_error=0.004)  # fmt: skip
     report = run_report(subject_of(dataset, job))
-    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, PageTable)]
     rows = {
         row[0].text: row[3].text for table in tables if "verdict" in table.head[3:4] for row in table.cells
     }
@@ -155,7 +155,7 @@ def test_every_table_has_the_figures_of_its_own_rows(result, job):
         "J2": ["–", "7, then grouted"],
     }
     assert cells(report, "Resultant of the water") == {"J1": ["1", "−2", "3"], "J2": ["4", "5", "−6"]}
-    tables = [part for section in report.sections for part in section.shown if isinstance(part, Table)]
+    tables = [part for section in report.sections for part in section.shown if isinstance(part, PageTable)]
     balance = next(table for table in tables if table.caption.startswith("Forces at rest"))
     assert [[cell.text for cell in row] for row in balance.cells] == [
         ["whole dam", "loads", "1", "2", "3", "4", "5", "6", "3.0e-11"],
@@ -229,9 +229,9 @@ def test_sheets_hold_every_cell_within_their_margins_and_cover_none(paper):
         for k in range(90)
     ]
     rows.append(["a" * 150, 1.0, "$x_1$ and 50 % of \\alpha", 2])
-    table = Table(["name", "a number with a long name", "text", "last"], rows, "A table")
+    table = PageTable(["name", "a number with a long name", "text", "last"], rows, "A table")
     report = Report(
-        "A title " * 20, "about", [Fact("n", "1")], [Section("s", "Section", [Text("$a$ 1"), table])]
+        "A title " * 20, "about", [Fact("n", "1")], [PageSection("s", "Section", [Text("$a$ 1"), table])]
     )
     sheets = set_sheets(report, paper)
     assert len(sheets) > 2
@@ -268,11 +268,11 @@ def test_options_of_the_other_kind_of_report_are_refused(result, options, reason
 
 def test_a_long_path_leaves_room_for_the_texts_beside_it():
     """Of 500 points path and text share what the key leaves; no column gets more than it needs."""
-    key, path, text = (Cell(words) for words in ("records[0].file", "/data/" * 20, "What it is. " * 20))
+    key, path, text = (PageCell(words) for words in ("records[0].file", "/data/" * 20, "What it is. " * 20))
     widths = _column_widths([[key, path, text]], [False] * 3, 8.0, 500.0)
     whole, path_wide, text_wide = widths
     assert whole == pytest.approx(_column_widths([[key]], [False], 8.0, 500.0)[0])
     assert path_wide >= 150.0 and text_wide == pytest.approx(path_wide, abs=1.0)
     assert widths.sum() == pytest.approx(500.0 - 2 * 7.0, abs=0.1)
-    short = _column_widths([[key, Cell("1"), text]], [False] * 3, 8.0, 500.0)
+    short = _column_widths([[key, PageCell("1"), text]], [False] * 3, 8.0, 500.0)
     assert short[1] < 10.0 and short.sum() == pytest.approx(500.0 - 2 * 7.0, abs=0.1)

@@ -12,7 +12,7 @@ from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.config.sections.joints import JointConfig
 from romdam.core.errors import ConfigError
 from romdam.scene.build import build_scene
-from romdam.scene.joint_water.diagram import Diagram, Outline
+from romdam.scene.joint_water.diagram import Diagram, PressureOutline
 from romdam.scene.joints import with_properties
 
 RHO_G = 1000.0 * 9.81
@@ -105,7 +105,7 @@ def test_a_crack_before_the_drains_lets_in_the_reservoir():
     tip, drained = 1.1, H2 + 0.6 * (H1 - H2) * (LENGTH - AT) / (LENGTH - 1.1)
     corners = [[0, HEEL], [WIDTH, HEEL], [WIDTH, HEEL + LENGTH], [0, HEEL + LENGTH]]
     ring = np.array([[x, y, BASE] for x, y in corners], dtype=float)
-    outline = Outline(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1), *np.eye(3)[[1, 0]])
+    outline = PressureOutline(np.stack([ring, np.roll(ring, -1, axis=0)], axis=1), *np.eye(3)[[1, 0]])
     drains = {"at": AT, "rule": "usace", "effectiveness": 0.4}
     config = JointWaterConfig.model_validate(water(tailwater=TAIL, drains=drains), context={"si": True})
     diagram = Diagram(config, RHO_G, outline, np.array([[0.0, tip], [WIDTH, tip]]))

@@ -28,7 +28,7 @@ from romdam.reduction.synthesis import reduce_scene
 from romdam.scene import joints, patches
 from romdam.scene.build import build_scene
 from romdam.scene.joints import local_axes
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.patches import coarsen_gaps, mean_normal
 from romdam.scene.stress.sections import gaps_above
 from romdam.terminal.lines import info_lines
@@ -212,7 +212,7 @@ def test_a_turned_and_renumbered_face_has_the_same_gaps(make, keys):
     scene = make(floating_pair(**keys))
     joint = scene.joints["c"]
     block = scene.blocks[joint.face.block]
-    surface = Surface(block.name, block.points, joint.face.facets[0])
+    surface = MortarSurface(block.name, block.points, joint.face.facets[0])
     along = local_axes(mean_normal(joint)[None])[0, 1:]
     origin = joint.position[0]
     plain = coarsen_gaps(joint, surface, 3.0, along, origin, "here")
@@ -258,7 +258,7 @@ def test_a_gap_has_the_axes_of_the_node_at_which_it_stands(make):
     angle = 0.02 * joint.position[:, 0] - 0.01 * joint.position[:, 2]
     normals = np.column_stack([np.sin(angle), np.cos(angle), np.zeros(len(angle))])
     bent = replace(joint, axes=local_axes(normals))
-    surface = Surface(block.name, block.points, joint.face.facets[0])
+    surface = MortarSurface(block.name, block.points, joint.face.facets[0])
     along = local_axes(mean_normal(bent)[None])[0, 1:]
     some = coarsen_gaps(bent, surface, 3.0, along, bent.position[0], "here")
     nodes = np.linalg.norm(some.position[:, None] - bent.position, axis=2).argmin(axis=1)
@@ -291,7 +291,7 @@ def test_a_face_that_turns_around_a_corner_is_refused(make):
     joint = scene.joints["c"]
     axes = joint.axes.copy()
     axes[joint.position[:, 2] > 9.0] = axes[0] @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    surface = Surface("left", scene.blocks["left"].points, joint.face.facets[0])
+    surface = MortarSurface("left", scene.blocks["left"].points, joint.face.facets[0])
     with pytest.raises(ConfigError, match=r"joints\.c\.spacing: the face turns by"):
         bent = replace(joint, axes=axes)
         coarsen_gaps(bent, surface, 5.0, np.eye(3)[:2], joint.position[0], "s.yaml: joints.c")

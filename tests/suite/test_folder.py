@@ -21,7 +21,7 @@ from romdam.pipelines.suites import kept as suite_kept
 from romdam.pipelines.suites.folder import LOCK, clean, suite_lock
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
-from romdam.results.suite.rows import Row
+from romdam.results.suite.rows import SuiteRow
 
 
 @pytest.mark.parametrize("what", ["folder", "pipe"])
@@ -160,7 +160,7 @@ def test_results_of_other_runs_in_the_folder_are_named(tmp_path):
 
 def test_rows_that_the_disk_refuses_leave_nothing_behind(tmp_path):
     """A quota in the middle of a line: the journal is as it was, and says so."""
-    journal, row = tmp_path / JOURNAL, Row("a" * 64, "", {"peak_opening": np.ones(50)})
+    journal, row = tmp_path / JOURNAL, SuiteRow("a" * 64, "", {"peak_opening": np.ones(50)})
     append_rows(journal, [row])
     before = journal.read_bytes()
 

@@ -16,7 +16,7 @@ from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.hazard_of_response import with_hazard_of_response
 from romdam.postprocess.responses import WITHIN
 from romdam.results.suite.hazard_table import read_hazard
-from romdam.visual.report.parts import Table
+from romdam.visual.report.parts import PageTable
 from romdam.visual.report.statistics import hazard_section
 from romdam.visual.report.subject import Subject, Topic
 
@@ -122,7 +122,7 @@ def test_a_suite_states_the_hazard_of_its_response(tmp_path):
         summary.hazard_level_statement.values[2]
     )
     section = hazard_section(Subject(summary, Topic()))
-    (table,) = [part for part in section.parts if isinstance(part, Table)]
+    (table,) = [part for part in section.parts if isinstance(part, PageTable)]
     assert [row[0] for row in table.rows] == ["2.54", "4", "900"] and table.rows[2][1] == "-"
     assert "hazard" not in (tmp_path / "out" / "summary.csv").read_text().split("\n")[0]
 

@@ -27,7 +27,7 @@ from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
 from romdam.visual.report.joint_map import opening_map, outline_of, plane_of
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import Cell, Report, Section, Table, number
+from romdam.visual.report.parts import PageCell, PageSection, PageTable, Report, number
 from romdam.visual.report.subject import Subject, Topic
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
@@ -342,8 +342,8 @@ def test_units_are_written_as_in_print():
 
 
 def test_tables_escape_text_and_set_numbers_right():
-    rows = [["<i>", 1.5, Cell("–", links=(("nc", "a%3Cb.nc"),))], ["x", 2, Cell("–")]]
-    section = Section("one", "One & all", [Table(["a<b", "n", "files"], rows), Table(["a"], [])])
+    rows = [["<i>", 1.5, PageCell("–", links=(("nc", "a%3Cb.nc"),))], ["x", 2, PageCell("–")]]
+    section = PageSection("one", "One & all", [PageTable(["a<b", "n", "files"], rows), PageTable(["a"], [])])
     made = page(Report("A <b>", "about", [], [section]))
     assert "a&lt;b" in made and "&lt;i&gt;" in made and '<td class="n">1.5</td>' in made
     assert '<a href="a%3Cb.nc">nc</a>' in made and "<td>–</td>" in made and "One &amp; all" in made

@@ -18,7 +18,7 @@ from romdam.core.errors import ConfigError
 from romdam.postprocess.dependence import sensitivity
 from romdam.postprocess.sobol import BASE_SAMPLES, sobol_estimates, sobol_indices, with_sobol_indices
 from romdam.results.suite.sampling import sobol_matrices
-from romdam.visual.report.parts import Table
+from romdam.visual.report.parts import PageTable
 from romdam.visual.report.statistics import sobol_section
 from romdam.visual.report.subject import Subject, Topic
 
@@ -222,7 +222,7 @@ def test_the_terminal_and_the_report_show_them(tmp_path):
         assert summary.attrs[BASE_SAMPLES] == 16 and "16 base samples, seed 2" in summary.attrs["design"]
         section = sobol_section(Subject(summary, Topic()))
         assert section is not None and "Sobol" in section.title
-        (table,) = [part for part in section.parts if isinstance(part, Table)]
+        (table,) = [part for part in section.parts if isinstance(part, PageTable)]
         assert [row[1] for row in table.rows] == ["gap", "mu"]  # as the file has them
         assert set(np.unique(summary.parameter_gap.values)) == {0.0, 1e-3}
         assert sensitivity(summary).attrs["samples"] == 32  # A and B

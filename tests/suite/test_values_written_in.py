@@ -12,8 +12,8 @@ from gravity_dams import gravity_dam
 from suite_jobs import BASE, made, summary, write_job
 
 from romdam.config import parse_config
+from romdam.config.job import Config
 from romdam.config.parameters import find_varied_key, replace_values, varied_paths, vary
-from romdam.config.sections.job import Config
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.law import Parameter
 from romdam.core.errors import ConfigError

@@ -18,7 +18,7 @@ _ALONG = {  # of nodes on a straight edge of unit length: int N N dl, and what i
 
 
 @dataclass(frozen=True)
-class Section:
+class WaterSection:
     """Integrals over an upright plane across a channel, per unit length of it.
 
     Attributes
@@ -36,15 +36,15 @@ class Section:
     rigid: Floats
     rock: csr_matrix
 
-    def of(self, nodes: Ints) -> Section:
+    def of(self, nodes: Ints) -> WaterSection:
         """Of some nodes alone: the pressure of others is zero."""
         H, G, floor, rock = (csr_matrix(m[nodes][:, nodes]) for m in (self.H, self.G, self.floor, self.rock))
-        return Section(H, G, floor, self.rigid[nodes], rock)
+        return WaterSection(H, G, floor, self.rigid[nodes], rock)
 
-    def following(self, T: csr_matrix) -> Section:
+    def following(self, T: csr_matrix) -> WaterSection:
         """Over other unknowns, which give the pressure at the nodes by a (k, m) matrix."""
         H, G, floor, rock = (csr_matrix(T.T @ m @ T) for m in (self.H, self.G, self.floor, self.rock))
-        return Section(H, G, floor, T.T @ self.rigid, rock)
+        return WaterSection(H, G, floor, T.T @ self.rigid, rock)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class WaterBody:
     wet: Ints
     coupling: dict[str, csr_matrix]
     end: Ints
-    section: Section
+    section: WaterSection
 
 
 def section_of(
@@ -79,7 +79,7 @@ def section_of(
     edges: Ints,
     absorbs: Floats,
     yields: Floats,
-) -> Section:
+) -> WaterSection:
     """Integrate over a plane.
 
     Parameters
@@ -107,7 +107,7 @@ def section_of(
     floor, rock = (
         scattered((share * length)[:, None, None] * along / whole, edges, k) for share in (absorbs, yields)
     )
-    return Section(csr_matrix(H), csr_matrix(G), floor, rigid, rock)
+    return WaterSection(csr_matrix(H), csr_matrix(G), floor, rigid, rock)
 
 
 def scattered(local: Floats, nodes: Ints, size: int) -> csr_matrix:

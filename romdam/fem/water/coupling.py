@@ -12,14 +12,14 @@ from romdam.fem.material import lame
 from romdam.fem.water.body import vector_operator
 from romdam.geometry.elements import Floats
 from romdam.scene.mortar.segments import integrand_degree, samples
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.reservoir.walls import lying_on
 
 _CHUNK = 4096  # triangles at a time
 
 
 def wall_couplings(
-    walls: Surface, faces: Iterable[WetFace], blocks: Mapping[str, Block]
+    walls: MortarSurface, faces: Iterable[WetFace], blocks: Mapping[str, Block]
 ) -> dict[str, csr_matrix]:
     """(nodes, 3 * nodes of the block) of every block: int N n . N_u dA, with n into the water [m2].
 
@@ -30,7 +30,7 @@ def wall_couplings(
     """
     couplings: dict[str, csr_matrix] = {}
     for face in faces:
-        solid = Surface(face.block, blocks[face.block].points, face.facets)
+        solid = MortarSurface(face.block, blocks[face.block].points, face.facets)
         degree = integrand_degree(walls, solid, walls.element.name)
         at = samples(walls, solid, lying_on(walls, solid), degree)
         shape = len(walls.points), len(solid.points)
@@ -52,7 +52,7 @@ def wall_couplings(
     return couplings
 
 
-def yielding_of_rock(walls: Surface, rock: Iterable[WetFace], blocks: Mapping[str, Block]) -> Floats:
+def yielding_of_rock(walls: MortarSurface, rock: Iterable[WetFace], blocks: Mapping[str, Block]) -> Floats:
     """Mean of 1 / (rho c_p) over each wall (nf,), by which rock without end gives way to pressure [m2 s/kg].
 
     It is 0 where the wall does not lie on rock, and where that has no mass.
@@ -63,6 +63,6 @@ def yielding_of_rock(walls: Surface, rock: Iterable[WetFace], blocks: Mapping[st
         lam, mu = lame(block.material)
         impedance = np.sqrt(block.material.rho * (lam + 2.0 * mu))
         if impedance > 0.0:
-            between = lying_on(walls, Surface(face.block, block.points, face.facets))
+            between = lying_on(walls, MortarSurface(face.block, block.points, face.facets))
             total += np.bincount(between.slave, between.area, len(total)) / impedance
     return np.asarray(total / walls.areas)

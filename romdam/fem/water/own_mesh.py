@@ -7,13 +7,13 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.assembly import cell_geometry
-from romdam.fem.water.body import Section, WaterBody, scattered, section_of
+from romdam.fem.water.body import WaterBody, WaterSection, scattered, section_of
 from romdam.fem.water.coupling import wall_couplings, yielding_of_rock
 from romdam.fem.water.prism import prism_body
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements, area_vectors, row_numbers
 from romdam.geometry.meshes.kinds import chunks_of
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 
 _CHUNK = 4096  # cells at a time
 
@@ -45,7 +45,7 @@ def meshed_body(water: Reservoir, mesh: Block, blocks: dict[str, Block]) -> Wate
     under = np.setdiff1d(np.arange(size), mesh.faces["surface"])
     couplings: dict[str, csr_matrix] = {}
     for role, faces in (("dam", water.faces), ("rock", water.rock)):
-        walls = Surface(mesh.name, mesh.points, mesh.faces[role])
+        walls = MortarSurface(mesh.name, mesh.points, mesh.faces[role])
         for name, Q in wall_couplings(walls, faces, blocks).items():
             couplings[name] = csr_matrix(couplings[name] + Q) if name in couplings else Q
     touched = [np.flatnonzero(np.diff(Q.indptr)) for Q in couplings.values()]
@@ -63,7 +63,7 @@ def meshed_body(water: Reservoir, mesh: Block, blocks: dict[str, Block]) -> Wate
     )
 
 
-def _section(mesh: Block, nodes: Ints, water: Reservoir, blocks: dict[str, Block]) -> Section:
+def _section(mesh: Block, nodes: Ints, water: Reservoir, blocks: dict[str, Block]) -> WaterSection:
     """The end's plane, over `nodes` of it."""
     facets = mesh.faces["end"]
     outward = area_vectors(mesh.points, facets).sum(axis=(0, 1)) * [1.0, 1.0, 0.0]
@@ -74,7 +74,7 @@ def _section(mesh: Block, nodes: Ints, water: Reservoir, blocks: dict[str, Block
     element = facet_element(facets)
     table = np.array([(*e, element.corners + k) for k, e in enumerate(element.edges)])
     table = table[:, : 3 if element.quadratic else 2]
-    walls = Surface(mesh.name, mesh.points, np.concatenate([mesh.faces["bottom"], mesh.faces["rock"]]))
+    walls = MortarSurface(mesh.name, mesh.points, np.concatenate([mesh.faces["bottom"], mesh.faces["rock"]]))
     absorbs = np.repeat([1.0, 0.0], [len(mesh.faces["bottom"]), len(mesh.faces["rock"])])
     yields = (1.0 - absorbs) * yielding_of_rock(walls, water.rock, blocks)
     edges, others = (rows[:, table].reshape(-1, table.shape[1]) for rows in (facets, walls.facets))

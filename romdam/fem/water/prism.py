@@ -16,7 +16,7 @@ from romdam.core.scene import Block, Ints, Reservoir
 from romdam.fem.water.body import WaterBody, scattered, section_of, vector_operator
 from romdam.fem.water.coupling import wall_couplings, yielding_of_rock
 from romdam.geometry.elements import ELEMENTS, Floats
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.reservoir.walls import wall_edges
 from romdam.scene.reservoir.wet_mesh import WetMesh, WetPieces, wet_mesh
 
@@ -117,7 +117,7 @@ def prism_body(water: Reservoir, blocks: dict[str, Block], longest: float = np.i
     every_wall = np.concatenate([lower, lower[..., ::-1] + k], axis=2)
     walls, all_walls = (
         every_wall[:, leans].reshape(-1, 4),
-        Surface("reservoir", points, every_wall.reshape(-1, 4)),
+        MortarSurface("reservoir", points, every_wall.reshape(-1, 4)),
     )
     xi, weight = quad.rule_of(2)
     shape = quad.shape(xi)

@@ -7,7 +7,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError
 from romdam.geometry.cutting.mesh import Mesh
-from romdam.geometry.cutting.surfaces import Surface, crossing_shares, on_edges
+from romdam.geometry.cutting.surfaces import CuttingSurface, crossing_shares, on_edges
 from romdam.geometry.elements import ELEMENTS
 from romdam.geometry.facets import row_numbers
 
@@ -18,7 +18,7 @@ _FACETS = [set(facet) for facet in ELEMENTS["hex8"].facets]
 _FACET_OF = [[_FACETS.index(set(family[:, side].tolist())) for side in (0, 1)] for family in _FAMILIES]
 
 
-def cut_hexahedra(mesh: Mesh, level: Floats, surface: Surface, location: str) -> Mesh:
+def cut_hexahedra(mesh: Mesh, level: Floats, surface: CuttingSurface, location: str) -> Mesh:
     """Cut every hexahedron that the surface crosses, and note the sides.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.geometry.cutting.mesh import Mesh
 from romdam.geometry.cutting.shapes import quality
-from romdam.geometry.cutting.surfaces import Surface
+from romdam.geometry.cutting.surfaces import CuttingSurface
 from romdam.geometry.elements import ELEMENTS
 from romdam.geometry.facets import area_vectors
 
@@ -21,7 +21,7 @@ _ON = 1e-12  # of the largest coordinate: on the surface
 _STEPS = 20
 
 
-def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
+def snapped(mesh: Mesh, surface: CuttingSurface, kept: Ints) -> tuple[Mesh, Floats]:
     """Move corner nodes onto a surface that crosses one of their edges near them.
 
     Parameters
@@ -48,7 +48,7 @@ def snapped(mesh: Mesh, surface: Surface, kept: Ints) -> tuple[Mesh, Floats]:
     return with_shift(mesh, shift), level
 
 
-def shift_onto(mesh: Mesh, surface: Surface, nodes: Ints, kept: Ints, reach: Floats) -> Floats:
+def shift_onto(mesh: Mesh, surface: CuttingSurface, nodes: Ints, kept: Ints, reach: Floats) -> Floats:
     """Shift (n, 3) that takes some nodes onto a surface, along the facets that are to keep their shape [m].
 
     Nodes that are on it, and those that would have to move farther than `reach` (n,), stay where they are.

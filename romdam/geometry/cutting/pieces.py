@@ -19,7 +19,7 @@ from romdam.geometry.cutting.hexahedra import cut_hexahedra
 from romdam.geometry.cutting.mesh import Facets, Mesh
 from romdam.geometry.cutting.moving import on_surface, snapped
 from romdam.geometry.cutting.shapes import refuse_slivers
-from romdam.geometry.cutting.surfaces import Cylinder, Plane, Surface, unit
+from romdam.geometry.cutting.surfaces import CuttingSurface, Cylinder, Plane, unit
 from romdam.geometry.cutting.teeth import Step, joint_facets, refuse_teeth, smoothed
 from romdam.geometry.cutting.tetrahedra import cut_tetrahedra
 from romdam.geometry.elements import ELEMENTS
@@ -87,7 +87,7 @@ def _steps(name: str, cuts: Cuts, folder: Path, source: str) -> Steps:
     cut, steps = cuts[name], []
     for k, config in enumerate(cut.along):
         location = f"{source}: cut.{name}.along[{k}]"
-        surface: Surface
+        surface: CuttingSurface
         if config.plane is not None:
             surface = Plane(np.array(config.plane.point), unit(np.array(config.plane.normal)))
         elif config.cylinder is not None:

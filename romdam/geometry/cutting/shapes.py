@@ -7,7 +7,7 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.geometry.cutting.mesh import Mesh
-from romdam.geometry.cutting.surfaces import Surface
+from romdam.geometry.cutting.surfaces import CuttingSurface
 from romdam.geometry.elements import ELEMENTS
 
 _TET_EDGES = np.array(ELEMENTS["tet4"].edges)
@@ -38,7 +38,7 @@ def quality(points: Floats, corners: Ints) -> Floats:
     return np.asarray((6.0 * np.sqrt(2.0) * volume / square**1.5).min(axis=1))
 
 
-def refuse_slivers(mesh: Mesh, before: Mesh, places: list[tuple[Surface, str]]) -> None:
+def refuse_slivers(mesh: Mesh, before: Mesh, places: list[tuple[CuttingSurface, str]]) -> None:
     """Raise if cuts have left cells that are too thin, and half as good as the worst one was before.
 
     Parameters

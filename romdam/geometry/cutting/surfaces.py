@@ -13,7 +13,7 @@ _ROUNDING = 4e-16  # of the largest coordinate: a distance that is zero
 _STEPS = 60  # of a search that gains digits in each
 
 
-class Surface(Protocol):
+class CuttingSurface(Protocol):
     """A two-sided surface that goes on to infinity."""
 
     def distance(self, points: Floats) -> Floats:
@@ -78,7 +78,7 @@ def unit(vector: Floats) -> Floats:
     return vector / np.linalg.norm(vector)
 
 
-def crossing_shares(surface: Surface, start: Floats, end: Floats, middle: Floats) -> Floats:
+def crossing_shares(surface: CuttingSurface, start: Floats, end: Floats, middle: Floats) -> Floats:
     """Share of the way (n,) at which edges from `start` over `middle` to `end` (n, 3) meet the surface.
 
     The ends lie on two sides of it. By the false position method with halved weights, which is exact in its

@@ -11,7 +11,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.geometry.cutting.mesh import Facets, Mesh
 from romdam.geometry.cutting.moving import NEAR, shift_onto, with_shift
-from romdam.geometry.cutting.surfaces import Surface
+from romdam.geometry.cutting.surfaces import CuttingSurface
 from romdam.geometry.facets import facet_element, facet_normals
 
 _REMEDY = {
@@ -23,7 +23,7 @@ _REMEDY = {
 class Step(NamedTuple):
     """One cut: its surface, whether elements are cut, teeth allowed in edges of a facet, file and key."""
 
-    surface: Surface
+    surface: CuttingSurface
     through_elements: bool
     teeth: float
     location: str

@@ -10,7 +10,7 @@ import numpy as np
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.geometry.boxes import with_middle_nodes
 from romdam.geometry.cutting.mesh import Mesh
-from romdam.geometry.cutting.surfaces import Surface, crossing_shares, on_edges
+from romdam.geometry.cutting.surfaces import CuttingSurface, crossing_shares, on_edges
 from romdam.geometry.elements import ELEMENTS
 
 _EDGES = np.array(ELEMENTS["tet4"].edges)
@@ -47,7 +47,7 @@ class _Pieces(NamedTuple):
         return cls(*(np.concatenate(fields) for fields in zip(*groups, strict=True)))
 
 
-def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
+def cut_tetrahedra(mesh: Mesh, level: Floats, surface: CuttingSurface) -> Mesh:
     """Cut every tetrahedron that the surface crosses, and note the sides.
 
     Each edge that crosses is cut at one node, and with it all cells around it, one edge after the other: so
@@ -81,7 +81,7 @@ def cut_tetrahedra(mesh: Mesh, level: Floats, surface: Surface) -> Mesh:
     return replace(halves, points=halves.points[used], cells=cells.reshape(halves.cells.shape))
 
 
-def _crossing_edges(mesh: Mesh, cells: Ints, level: Floats, surface: Surface) -> tuple[_Edges, Floats]:
+def _crossing_edges(mesh: Mesh, cells: Ints, level: Floats, surface: CuttingSurface) -> tuple[_Edges, Floats]:
     """The edges that cross, and all points with the new ones last."""
     count = len(mesh.points)
     ends = mesh.corners[cells][:, _EDGES].reshape(-1, 2)

@@ -16,7 +16,7 @@ from romdam.core.known import refuse_unknown
 from romdam.core.scene import Block, Scene
 from romdam.core.system import BlockMatrices
 from romdam.geometry.matrices.checks import Checked, check_matrices
-from romdam.geometry.matrices.data import Unknowns
+from romdam.geometry.matrices.data import MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices, read_matrices
 from romdam.geometry.meshes.data import Numbered
 from romdam.geometry.nearest import tree
@@ -80,7 +80,7 @@ def with_matrices(
     return replace(block, points=points, matrices=matrices)
 
 
-def _numbered(block: Block, unknowns: Unknowns, tolerance: float, location: str) -> tuple[Floats, Ints]:
+def _numbered(block: Block, unknowns: MatrixUnknowns, tolerance: float, location: str) -> tuple[Floats, Ints]:
     """All nodes (n, 3), the mesh's first, and the DOF of every unknown."""
     shifted = unknowns.motion < 3
     numbers, first = np.unique(unknowns.node[shifted], return_index=True)

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix, diags_array
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import MeshError, ReductionError
 from romdam.core.scene import Block
-from romdam.geometry.matrices.data import INTERNAL, Unknowns
+from romdam.geometry.matrices.data import INTERNAL, MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices
 from romdam.geometry.meshes.quality import sound_volume
 from romdam.linalg.factor import Factor
@@ -144,7 +144,7 @@ def check_matrices(
     return Checked(moved, tuple(warnings))
 
 
-def rigid_motions(unknowns: Unknowns) -> Floats:
+def rigid_motions(unknowns: MatrixUnknowns) -> Floats:
     """The six rigid motions of the unknowns (n, 6), rotations about their centre, over its radius."""
     moving = unknowns.motion < 6
     arm, radius = _arms(unknowns)
@@ -156,7 +156,7 @@ def rigid_motions(unknowns: Unknowns) -> Floats:
     return motions
 
 
-def _arms(unknowns: Unknowns) -> tuple[Floats, float]:
+def _arms(unknowns: MatrixUnknowns) -> tuple[Floats, float]:
     """Position of every unknown from their centre, over the radius (n, 3), or zero; the radius [m]."""
     arm = np.where((unknowns.motion < 6)[:, None], unknowns.position, np.nan)
     low, high = np.nanmin(arm, axis=0), np.nanmax(arm, axis=0)
@@ -164,7 +164,7 @@ def _arms(unknowns: Unknowns) -> tuple[Floats, float]:
     return np.nan_to_num((arm - (low + high) / 2) / radius), radius
 
 
-def _strains(unknowns: Unknowns) -> Floats:
+def _strains(unknowns: MatrixUnknowns) -> Floats:
     """Displacements (n, 6) in unit uniform strains xx, yy, zz, yz, xz, xy, rotations at rest [m]."""
     arm, radius = _arms(unknowns)
     row, direction = np.arange(len(unknowns)), unknowns.motion % 3
@@ -178,7 +178,7 @@ def _strains(unknowns: Unknowns) -> Floats:
     return motions
 
 
-def _followed(K: csr_matrix, unknowns: Unknowns, motions: Floats) -> Floats:
+def _followed(K: csr_matrix, unknowns: MatrixUnknowns, motions: Floats) -> Floats:
     """Motions of the physical unknowns, the internal ones following with the least strain."""
     inner = np.flatnonzero(unknowns.motion == INTERNAL)
     if not len(inner):
@@ -208,7 +208,7 @@ def _strainless(K: csr_matrix, motions: Floats) -> tuple[int, int]:
 
 
 def _refuse_other_motions(
-    K: csr_matrix, unknowns: Unknowns, motions: Floats, rigid: tuple[int, int], location: str
+    K: csr_matrix, unknowns: MatrixUnknowns, motions: Floats, rigid: tuple[int, int], location: str
 ) -> None:
     """Refuse motions without strain that are no rigid motions of the physical unknowns."""
     # motions without strain (n, k), each unknown times the root of its stiffness, orthonormal

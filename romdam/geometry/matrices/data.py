@@ -38,7 +38,7 @@ class Entries:
 
 
 @dataclass(frozen=True)
-class Unknowns:
+class MatrixUnknowns:
     """Unknowns of the rows of the matrices.
 
     Attributes
@@ -86,12 +86,12 @@ def motion_of(number: Ints, location: str) -> Ints:
     return np.where(number == 0, INTERNAL, number - 1)
 
 
-def from_labels(labels: Ints) -> Unknowns:
+def from_labels(labels: Ints) -> MatrixUnknowns:
     """The unknowns that a matrix names itself."""
-    return Unknowns(labels[:, 0], labels[:, 1], np.full((len(labels), 3), np.nan))
+    return MatrixUnknowns(labels[:, 0], labels[:, 1], np.full((len(labels), 3), np.nan))
 
 
-def sparse(entries: Entries, unknowns: Unknowns, first: int, location: str) -> csr_matrix:
+def sparse(entries: Entries, unknowns: MatrixUnknowns, first: int, location: str) -> csr_matrix:
     """The symmetric matrix of some entries over the unknowns.
 
     Parameters
@@ -132,7 +132,7 @@ def sparse(entries: Entries, unknowns: Unknowns, first: int, location: str) -> c
     return csr_matrix(0.5 * (matrix + matrix.T))
 
 
-def _over(entries: Entries, unknowns: Unknowns, first: int, location: str) -> tuple[Ints, Ints]:
+def _over(entries: Entries, unknowns: MatrixUnknowns, first: int, location: str) -> tuple[Ints, Ints]:
     """Rows and columns as numbers of the unknowns."""
     if entries.labels is not None:
         number = {tuple(label): k for k, label in enumerate(unknowns.labels.tolist())}

@@ -16,7 +16,7 @@ from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError, ResultError
 from romdam.core.files import check_file
 from romdam.geometry.matrices import hdf5, nastran, text
-from romdam.geometry.matrices.data import Entries, Unknowns, from_labels, sparse
+from romdam.geometry.matrices.data import Entries, MatrixUnknowns, from_labels, sparse
 from romdam.geometry.matrices.frames import in_basic, turned, turned_vectors, with_frames
 from romdam.geometry.meshes.data import Numbered
 from romdam.geometry.meshes.files import FORMATS, read_mesh_file
@@ -43,7 +43,7 @@ _MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
     **dict.fromkeys(_NASTRAN, nastran.read_nastran),
 }
-_UNKNOWNS: dict[str, Callable[[Path, str], Unknowns]] = {
+_UNKNOWNS: dict[str, Callable[[Path, str], MatrixUnknowns]] = {
     ".dof": text.read_dof,
     ".csv": text.read_csv,
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_unknowns),
@@ -63,7 +63,7 @@ class FileMatrices:
     force : (n,)
     """
 
-    unknowns: Unknowns
+    unknowns: MatrixUnknowns
     K: csr_matrix
     M: csr_matrix
     C: csr_matrix | None
@@ -166,7 +166,7 @@ class _Reader:
             )
         return columns
 
-    def unknowns(self, stiffness: Entries, mesh: Numbered | None) -> Unknowns:
+    def unknowns(self, stiffness: Entries, mesh: Numbered | None) -> MatrixUnknowns:
         """The unknowns, with their positions."""
         if self.config.unknowns is not None:
             location = self.at("unknowns")
@@ -192,7 +192,7 @@ class _Reader:
         unknowns = replace(unknowns, position=unknowns.position * UNITS[self.config.units][0])
         return self._placed(unknowns, mesh, location)
 
-    def _placed(self, unknowns: Unknowns, mesh: Numbered | None, location: str) -> Unknowns:
+    def _placed(self, unknowns: MatrixUnknowns, mesh: Numbered | None, location: str) -> MatrixUnknowns:
         """With positions of all unknowns that are displacements or rotations."""
         lacking = (unknowns.motion < 6) & np.isnan(unknowns.position).any(axis=1)
         numbered = self._nodes() if self.config.nodes is not None else mesh

@@ -15,13 +15,13 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError
-from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Unknowns
+from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, MatrixUnknowns
 from romdam.geometry.meshes.data import Frame
 
 _ALONG = 1e-6  # of a unit vector's component: a smaller one is rounding of the file's coordinates
 
 
-def with_frames(unknowns: Unknowns, frames: Mapping[int, Frame], location: str) -> Unknowns:
+def with_frames(unknowns: MatrixUnknowns, frames: Mapping[int, Frame], location: str) -> MatrixUnknowns:
     """The unknowns with the axes of the nodes that have some.
 
     Parameters
@@ -50,7 +50,7 @@ def with_frames(unknowns: Unknowns, frames: Mapping[int, Frame], location: str) 
     return replace(unknowns, axes=axes)
 
 
-def in_basic(unknowns: Unknowns, location: str) -> tuple[Unknowns, csr_matrix | None]:
+def in_basic(unknowns: MatrixUnknowns, location: str) -> tuple[MatrixUnknowns, csr_matrix | None]:
     """The unknowns along x, y, z, and what turns motions into them.
 
     Returns

@@ -15,7 +15,7 @@ from scipy.sparse import coo_array, csr_array, csr_matrix
 from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError
 from romdam.core.sealed import reading
-from romdam.geometry.matrices.data import DIRECTIONS, Entries, Unknowns
+from romdam.geometry.matrices.data import DIRECTIONS, Entries, MatrixUnknowns
 
 
 def read_hdf5(path: Path, key: str, location: str) -> Entries:
@@ -48,7 +48,7 @@ def read_columns(path: Path, key: str, location: str) -> Floats:
     return values.reshape(len(values), -1)
 
 
-def read_unknowns(path: Path, location: str) -> Unknowns:
+def read_unknowns(path: Path, location: str) -> MatrixUnknowns:
     """Read the unknowns."""
     with reading(path) as file:
         item = _item(file, "unknowns", location)
@@ -62,7 +62,9 @@ def read_unknowns(path: Path, location: str) -> Unknowns:
             f"of {', '.join(DIRECTIONS)}) and positions {position.shape}; they must be as many, three "
             "numbers each"
         )
-    return Unknowns(node, np.array([DIRECTIONS.index(word) for word in words], dtype=np.int64), position)
+    return MatrixUnknowns(
+        node, np.array([DIRECTIONS.index(word) for word in words], dtype=np.int64), position
+    )
 
 
 def _item(file: h5py.File, key: str, location: str) -> h5py.Group | h5py.Dataset:
@@ -79,7 +81,7 @@ def write_matrix(file: h5py.File, key: str, matrix: csr_matrix) -> None:
     group.attrs["shape"] = matrix.shape
 
 
-def write_unknowns(file: h5py.File, unknowns: Unknowns) -> None:
+def write_unknowns(file: h5py.File, unknowns: MatrixUnknowns) -> None:
     """Write the unknowns."""
     group = file.create_group("unknowns")
     group["node"], group["position"] = unknowns.node, unknowns.position

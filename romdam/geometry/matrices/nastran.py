@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from romdam.core.errors import MeshError, listed, quote
-from romdam.geometry.matrices.data import INTERNAL, Entries, Unknowns, motion_of
+from romdam.geometry.matrices.data import INTERNAL, Entries, MatrixUnknowns, motion_of
 from romdam.geometry.matrices.frames import with_frames
 from romdam.geometry.meshes.formats.nastran import read_grid_points
 
@@ -80,7 +80,7 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
     return Entries(row[entries.row], column[entries.col], entries.data, labels=labels)
 
 
-def read_external(path: Path, location: str) -> Unknowns:
+def read_external(path: Path, location: str) -> MatrixUnknowns:
     """Read the rows of an external superelement's matrices from EXTRN, and positions and axes from GRID.
 
     Raises
@@ -102,7 +102,7 @@ def read_external(path: Path, location: str) -> Unknowns:
     for k in np.flatnonzero(motion != INTERNAL).tolist():
         if (grid := at.get(int(rows[k, 0]))) is not None:
             position[k] = points[grid]
-    return with_frames(Unknowns(rows[:, 0], motion, position), frames, location)
+    return with_frames(MatrixUnknowns(rows[:, 0], motion, position), frames, location)
 
 
 def _pyyeti(location: str) -> Any:

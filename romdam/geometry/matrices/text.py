@@ -13,7 +13,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.csv_table import Table, read_table
 from romdam.core.errors import MeshError, quote
 from romdam.core.files import file_text
-from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Entries, Unknowns, motion_of
+from romdam.geometry.matrices.data import DIRECTIONS, INTERNAL, Entries, MatrixUnknowns, motion_of
 
 _MARK = b"%%MatrixMarket"
 _COMMENTS = ("*", "%", "#")
@@ -101,7 +101,7 @@ def _whole(numbers: Floats, location: str) -> Ints:
     return numbers.astype(np.int64)
 
 
-def read_dof(path: Path, location: str) -> Unknowns:
+def read_dof(path: Path, location: str) -> MatrixUnknowns:
     """Read CalculiX's JOB.dof: `node.direction`, a line for each row."""
     words = file_text(path).split()
     pairs = [word.split(".") for word in words]
@@ -111,10 +111,12 @@ def read_dof(path: Path, location: str) -> Unknowns:
         )
         raise MeshError(f"{location}: expected node.direction such as 12.3 on every line, got {quote(wrong)}")
     numbers = np.array(pairs, dtype=float).astype(np.int64)
-    return Unknowns(numbers[:, 0], motion_of(numbers[:, 1], location), np.full((len(numbers), 3), np.nan))
+    return MatrixUnknowns(
+        numbers[:, 0], motion_of(numbers[:, 1], location), np.full((len(numbers), 3), np.nan)
+    )
 
 
-def read_csv(path: Path, location: str) -> Unknowns:
+def read_csv(path: Path, location: str) -> MatrixUnknowns:
     """Read node, direction and, where they are there, x, y, z; named in the first line."""
     table = _Table.read(path, ("node", "direction"), location)
     named = {name: k for k, name in enumerate(DIRECTIONS)} | {str(k + 1): k for k in range(6)}
@@ -126,7 +128,7 @@ def read_csv(path: Path, location: str) -> Unknowns:
             f"{', '.join(DIRECTIONS)}"
         )
     motion = np.array([named[word] for word in words], dtype=np.int64)
-    return Unknowns(table.nodes(), motion, table.positions())
+    return MatrixUnknowns(table.nodes(), motion, table.positions())
 
 
 def read_nodes(path: Path, location: str) -> tuple[Ints, Floats]:

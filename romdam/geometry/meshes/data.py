@@ -10,32 +10,12 @@ import numpy as np
 
 from romdam.core.errors import MeshError, quote
 from romdam.core.scene import Bools, Floats, Ints
-from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL, jacobians
+from romdam.geometry.elements import ELEMENT_OF_CELL, jacobians
+from romdam.geometry.meshes.cells import Cells
 from romdam.geometry.meshes.middles import with_middles
 
 LARGEST = 2e9  # bytes of a mesh file
 _FARTHEST = 1e12  # of a coordinate, in whatever unit: beyond it squares and cubes lose all digits
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Elements of one kind.
-
-    Attributes
-    ----------
-    kind : a key of `romdam.geometry.elements.CELLS`
-    nodes : (n, nodes per element) in the VTK order; the file's numbers, or from 0 once they are checked
-    ids : (n,) the elements' numbers in the file
-    """
-
-    kind: str
-    nodes: Ints
-    ids: Ints
-
-    @property
-    def dim(self) -> int:
-        """Dimension of the elements."""
-        return CELLS[self.kind].dim
 
 
 Groups = dict[str, list[Ints]]

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from romdam.core.arrays import Floats, Ints
 from romdam.geometry.elements import ELEMENT_OF_CELL
-
-if TYPE_CHECKING:
-    from romdam.geometry.meshes.data import Cells
+from romdam.geometry.meshes.cells import Cells
 
 _NONE = 0  # number that stands for a node that is left out
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import prod
 
+from romdam.config.job import Config
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
-from romdam.config.sections.job import BoxConfig, Config
+from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError
 from romdam.core.machine import memory_limit, shown_size
 from romdam.geometry.elements import ELEMENTS

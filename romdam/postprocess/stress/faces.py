@@ -28,7 +28,7 @@ NOT_JUDGED, UNDECIDED, MISSED, MET = -2, -1, 0, 1
 
 
 @dataclass(frozen=True)
-class Limits:
+class StressLimits:
     """Limits of a kind of dam: `duration` at a demand-capacity ratio of 1 [s], `area` [%] of the face."""
 
     duration: float
@@ -45,7 +45,7 @@ class Limits:
         )
 
 
-LIMITS = {"arch dam": Limits(0.4, 20.0), "gravity dam": Limits(0.3, 15.0)}
+LIMITS = {"arch dam": StressLimits(0.4, 20.0), "gravity dam": StressLimits(0.3, 15.0)}
 
 
 def area_percentiles(values: Floats, area: Floats, percent: Floats) -> Floats:
@@ -85,7 +85,7 @@ class FaceDemand:
     duration: Floats
     share: Floats
 
-    def judged(self, levels: Floats, limits: Limits) -> tuple[int, ...]:
+    def judged(self, levels: Floats, limits: StressLimits) -> tuple[int, ...]:
         """MET or MISSED for each of CRITERIA; NOT_JUDGED where the ring covers the face."""
         if np.isnan(self.ratio):
             return (NOT_JUDGED,) * len(CRITERIA)

@@ -21,7 +21,7 @@ _KNOWN_ENERGY = 1e-8  # of a vector of unit energy, what others do not know of i
 _KNOWN = 1e-10  # squared length of a unit vector's rest, below which T's vectors know it but for round-off
 
 
-class Pencil(NamedTuple):
+class StaticPencil(NamedTuple):
     """K, of which K - shift M is positive definite, M, and the row of T of each of their unknowns."""
 
     K: Symmetric
@@ -30,7 +30,7 @@ class Pencil(NamedTuple):
     rows: Ints
 
 
-def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -> tuple[Floats, Floats]:
+def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: StaticPencil, work: Floats) -> tuple[Floats, Floats]:
     """omega^2 of the basis T V, and V: the modes first, then the attachment modes.
 
     The static answers A = K^-1 R without their part in the modes are made M-orthonormal and diagonal in K.
@@ -67,7 +67,7 @@ def diagonalised(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -
 
 
 def with_more(
-    T: OutOfCoreMatrix, more: int, pencil: Pencil, work: Floats, omega2: Floats, V: Floats
+    T: OutOfCoreMatrix, more: int, pencil: StaticPencil, work: Floats, omega2: Floats, V: Floats
 ) -> tuple[Floats, Floats]:
     """omega^2 of the basis [T_1 V, T_2], T_2 the last `more` columns of T, and what makes its modes of both.
 
@@ -95,7 +95,7 @@ def with_more(
     return without_roundoff(1.0 / slow + shift), mix
 
 
-def orthogonal_remainder(T: OutOfCoreMatrix, static: int, D: Floats, pencil: Pencil) -> Floats:
+def orthogonal_remainder(T: OutOfCoreMatrix, static: int, D: Floats, pencil: StaticPencil) -> Floats:
     """Part of D (n, k) that T's vectors, the first `static` aside, lack: M-orthonormal, without round-off."""
     M, rows = pencil.M, pencil.rows
     gram, size = T.gram(M, rows, static), np.sqrt((D * (M @ D)).sum(axis=0))

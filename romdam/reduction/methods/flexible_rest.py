@@ -26,7 +26,7 @@ from scipy.linalg.lapack import dpstrf, dtrtri
 from romdam.core.arrays import Floats
 from romdam.core.threads import DENSE_EIGENPROBLEM, threads_for
 from romdam.linalg.dense import eigh
-from romdam.reduction.methods.attachment_modes import Pencil
+from romdam.reduction.methods.attachment_modes import StaticPencil
 from romdam.reduction.methods.massless import OMEGA2
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
@@ -70,7 +70,7 @@ def wider(choice: ModeChoice) -> ModeChoice:
     return replace(choice, count=count, cutoff=cutoff)
 
 
-def without_mass(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -> tuple[Floats, Floats]:
+def without_mass(T: OutOfCoreMatrix, modes: int, pencil: StaticPencil, work: Floats) -> tuple[Floats, Floats]:
     """Compute omega^2 and V of the basis T V: the modes, then static answers without mass.
 
     Parameters
@@ -103,7 +103,7 @@ def without_mass(T: OutOfCoreMatrix, modes: int, pencil: Pencil, work: Floats) -
 
 
 def with_more_without_mass(
-    T: OutOfCoreMatrix, more: int, modes: int, pencil: Pencil, work: Floats, omega2: Floats, V: Floats
+    T: OutOfCoreMatrix, more: int, modes: int, pencil: StaticPencil, work: Floats, omega2: Floats, V: Floats
 ) -> tuple[Floats, Floats, int]:
     """Compute omega^2 of the basis [T_1 V, T_2], T_2 the last `more` columns of T, and what makes its modes.
 

@@ -43,7 +43,12 @@ from romdam.linalg.modes.rigid import without_strain
 from romdam.linalg.multifrontal import Multifrontal
 from romdam.linalg.solvers import SMALL, make_solver
 from romdam.linalg.symmetric import Symmetric
-from romdam.reduction.methods.attachment_modes import Pencil, diagonalised, orthogonal_remainder, with_more
+from romdam.reduction.methods.attachment_modes import (
+    StaticPencil,
+    diagonalised,
+    orthogonal_remainder,
+    with_more,
+)
 from romdam.reduction.methods.craig_bampton import ReducedBlock, eigen_residual, highest_hz
 from romdam.reduction.methods.flexible_rest import (
     FEWEST,
@@ -242,7 +247,7 @@ def _ritz_levels(
     T.widen(every)
     for count in (modes, every):
         T.fill(static + count, lambda a, b: part.over_blocks(combine(a - static, b - static)), width)
-    pencil, work = Pencil(part.K, part.M, part.shift, part.first), part.work(T)
+    pencil, work = StaticPencil(part.K, part.M, part.shift, part.first), part.work(T)
     ritz = T.narrowed(static + modes)
     diagonalise = without_mass if massless else diagonalised
     omega2, V = diagonalise(ritz, modes, pencil, work[:, : static + modes])

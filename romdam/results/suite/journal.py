@@ -16,7 +16,7 @@ import numpy as np
 
 from romdam.core.errors import ResultError, WriteError
 from romdam.core.files import check_file, replacing
-from romdam.results.suite.rows import Kept, Row
+from romdam.results.suite.rows import Kept, SuiteRow
 
 log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ _DIGITS = 64
 _UNSTATED = "romdam 0.1.0"  # which did not yet state itself in its rows
 
 
-def append_rows(path: Path, rows: Iterable[Row]) -> None:
+def append_rows(path: Path, rows: Iterable[SuiteRow]) -> None:
     """Add rows at the end of a journal.
 
     Raises
@@ -52,7 +52,7 @@ def append_rows(path: Path, rows: Iterable[Row]) -> None:
         ) from error
 
 
-def read_rows(path: Path) -> dict[str, Row]:
+def read_rows(path: Path) -> dict[str, SuiteRow]:
     """Key -> row of every row of a journal that is whole.
 
     Raises
@@ -63,7 +63,7 @@ def read_rows(path: Path) -> dict[str, Row]:
     if not path.exists():
         return {}
     check_file(path, _MOST, ResultError)
-    rows, damaged = dict[str, Row](), 0
+    rows, damaged = dict[str, SuiteRow](), 0
     try:
         with path.open("rb") as file:
             for line in iter(lambda: file.readline(_LONGEST), b""):
@@ -78,7 +78,7 @@ def read_rows(path: Path) -> dict[str, Row]:
     return rows
 
 
-def rewrite_rows(path: Path, rows: Iterable[Row]) -> None:
+def rewrite_rows(path: Path, rows: Iterable[SuiteRow]) -> None:
     """Replace a journal by one with these rows alone, whole or not at all.
 
     Raises
@@ -91,7 +91,7 @@ def rewrite_rows(path: Path, rows: Iterable[Row]) -> None:
         append_rows(unfinished, rows)
 
 
-def _line(row: Row) -> bytes:
+def _line(row: SuiteRow) -> bytes:
     values = {name: np.asarray(value).tolist() for name, value in row.values.items()}
     kept = None if row.kept is None else vars(row.kept)
     about = {
@@ -106,7 +106,7 @@ def _line(row: Row) -> bytes:
     return hashlib.sha256(text).hexdigest().encode() + b" " + text
 
 
-def _row(line: bytes) -> Row | None:
+def _row(line: bytes) -> SuiteRow | None:
     """The row of a line; None where it is not what was written."""
     digest, text = line[:_DIGITS], line[_DIGITS + 1 :].rstrip(b"\n")
     if hashlib.sha256(text).hexdigest().encode() != digest:
@@ -117,6 +117,6 @@ def _row(line: bytes) -> Row | None:
         kept = None if about["kept"] is None else Kept(**about["kept"])
         warnings = tuple(map(str, about.get("warnings", ())))
         source = about.get("source", _UNSTATED)
-        return Row(about["key"], about["message"], values, kept, source=source, warnings=warnings)
+        return SuiteRow(about["key"], about["message"], values, kept, source=source, warnings=warnings)
     except (ValueError, KeyError, TypeError, AttributeError):  # whole, but not of this version
         return None

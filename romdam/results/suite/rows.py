@@ -55,7 +55,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Row:
+class SuiteRow:
     """The numbers that a suite keeps of one run; nothing of its place in the suite, which may change.
 
     Attributes

@@ -34,7 +34,7 @@ from romdam.postprocess.stress.summary import MEASURES as STRESS
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.hazard_table import suite_hazard
-from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, Row, RunIndex, attributes_of, dims_of
+from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, RunIndex, SuiteRow, attributes_of, dims_of
 from romdam.results.variables import COORDINATES
 
 SUMMARY, DESIGN, RUNS_FOLDER, CACHE_FOLDER = "summary.nc", "design.nc", "runs", "cache"
@@ -76,7 +76,11 @@ def suite_of(job: Job) -> SuiteConfig:
 
 
 def summary_dataset(
-    job: Job, scene: Scene, design: xr.Dataset, records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
+    job: Job,
+    scene: Scene,
+    design: xr.Dataset,
+    records: Sequence[SuiteRecord],
+    rows: Mapping[RunIndex, SuiteRow],
 ) -> xr.Dataset:
     """Put the rows of a suite, or of a plain job's records, into one Dataset.
 
@@ -167,7 +171,7 @@ def summary_dataset(
 
 
 def _distinct_warnings(
-    records: Sequence[SuiteRecord], rows: Mapping[RunIndex, Row]
+    records: Sequence[SuiteRecord], rows: Mapping[RunIndex, SuiteRow]
 ) -> list[dict[str, object]]:
     """Warnings of the runs, those that differ in numbers alone as one: text and record of the first run."""
     found: dict[str, dict[str, Any]] = {}

@@ -14,7 +14,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Joint
 from romdam.core.system import LawRows
 from romdam.scene.joint_water.cracked_base import CrackedBase
-from romdam.scene.joint_water.diagram import Diagram, Outline, mean_pressure
+from romdam.scene.joint_water.diagram import Diagram, PressureOutline, mean_pressure
 
 _LEAST = 0.1  # of the direction that must lie in the joint's plane
 
@@ -52,7 +52,7 @@ def with_water(
                 f"{location}.downstream: {list(water.downstream)} is normal to joint {joint.name!r} (sine "
                 f"{size:.2g}, limit {_LEAST:g}); give the direction from its heel to its toe"
             )
-        outline = Outline.of(points, joint.face, downstream, across / size)
+        outline = PressureOutline.of(points, joint.face, downstream, across / size)
         key, at = ("waterstop", water.waterstop) if water.drains is None else ("drains.at", water.drains.at)
         heel, toe, _ = outline.lines(points[joint.corner])
         shortest = int(np.argmin(toe - heel))

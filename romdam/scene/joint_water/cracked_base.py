@@ -17,7 +17,7 @@ from romdam.config.sections.joint_water import JointWaterConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Joint, JointFace
-from romdam.scene.joint_water.diagram import Diagram, Outline, mean_pressure
+from romdam.scene.joint_water.diagram import Diagram, PressureOutline, mean_pressure
 
 _SAME_LINE = 1e-6  # of the joint's width: gaps that stand on one line from heel to toe
 _FEWEST = 3  # gaps on a line, on average, below which lines are strips of an unstructured face
@@ -44,7 +44,7 @@ class CrackedBase:
 
     water: Mapping[str, Any]
     weight: float
-    outline: Outline
+    outline: PressureOutline
     points: Floats
     face: JointFace
     corner: Ints

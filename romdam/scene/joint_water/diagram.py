@@ -25,7 +25,7 @@ _CUT = 1e-9  # of the values at a facet's corners, by which a kink must pass thr
 
 
 @dataclass(frozen=True)
-class Outline:
+class PressureOutline:
     """The outline of a joint's face, by which heel and toe of every line are told.
 
     Attributes
@@ -39,7 +39,7 @@ class Outline:
     across: Floats
 
     @classmethod
-    def of(cls, points: Floats, face: JointFace, downstream: Floats, across: Floats) -> Outline:
+    def of(cls, points: Floats, face: JointFace, downstream: Floats, across: Floats) -> PressureOutline:
         """The edges that one facet alone has."""
         pairs = [np.stack([f, np.roll(f, -1, axis=1)], axis=2).reshape(-1, 2) for f in face.facets]
         edges, count = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0, return_counts=True)
@@ -82,7 +82,7 @@ class Diagram:
 
     water: JointWaterConfig
     weight: float
-    outline: Outline | None
+    outline: PressureOutline | None
     tips: Floats | None = None
 
     def pressure(self, points: Floats) -> Floats:

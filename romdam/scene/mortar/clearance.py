@@ -15,7 +15,7 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import MeshError
 from romdam.scene.mortar.segments import Segments
-from romdam.scene.mortar.surface import Pieces, Surface
+from romdam.scene.mortar.surface import MortarSurface, Pieces
 
 _CREASE = 45.0  # angle of neighbouring pieces from which on their edge is one of the body [degree]
 _ROUNDING = 1e-9  # of the tolerance, and of an angle that is none [rad]
@@ -24,7 +24,7 @@ _STRAY = 1e-2  # of the area where faces meet, that may be farther apart: at a r
 
 
 def refuse_clearance(
-    slave: Surface, master: Surface, between: Segments, tolerance: float, location: str
+    slave: MortarSurface, master: MortarSurface, between: Segments, tolerance: float, location: str
 ) -> None:
     """Raise where two faces are farther apart, or farther inside each other, than meshes of one face are.
 
@@ -58,7 +58,7 @@ def refuse_clearance(
     )
 
 
-def sagittas(slave: Surface, master: Surface, between: Segments) -> Floats:
+def sagittas(slave: MortarSurface, master: MortarSurface, between: Segments) -> Floats:
     """Distance by which facets of one curved surface can be apart at every segment, (n,) [m].
 
     A facet without a bend, as the only one of its face, takes the curvature of the other's.
@@ -93,7 +93,7 @@ class _Bends:
     warp: Floats
 
 
-def _bends(face: Surface) -> _Bends:
+def _bends(face: MortarSurface) -> _Bends:
     """For every facet the largest values of its pieces."""
     pieces = face.pieces
     first, second, along = _shared_edges(pieces)

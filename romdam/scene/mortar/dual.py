@@ -24,15 +24,15 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.geometry.elements import Element
-from romdam.scene.mortar.segments import Samples
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.segments import SegmentPoints
+from romdam.scene.mortar.surface import MortarSurface
 
 _ROUND_OFF = 1e-13  # weight relative to its row's largest, which is of order one
 _CHUNK = 20_000  # triangles at a time
 
 
 @dataclass(frozen=True)
-class Coupling:
+class DualCoupling:
     """Integrals of multipliers times the shape functions of both faces.
 
     Attributes
@@ -47,7 +47,9 @@ class Coupling:
     master: csr_matrix
 
 
-def coupling(slave: Surface, master: Surface, at: Samples, basis: Element, change: Floats) -> Coupling:
+def coupling(
+    slave: MortarSurface, master: MortarSurface, at: SegmentPoints, basis: Element, change: Floats
+) -> DualCoupling:
     """Integrate the multipliers of a slave face.
 
     Parameters
@@ -89,7 +91,7 @@ def coupling(slave: Surface, master: Surface, at: Samples, basis: Element, chang
         sums.append(total)
     whole = np.zeros(len(slave.points))
     np.add.at(whole, rows, area)
-    return Coupling(whole, *(without_round_off(weights_sum, whole) for weights_sum in sums))
+    return DualCoupling(whole, *(without_round_off(weights_sum, whole) for weights_sum in sums))
 
 
 def _values(element: Element, xi: Floats) -> Floats:

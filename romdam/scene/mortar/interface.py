@@ -14,7 +14,7 @@ from romdam.geometry.facets import node_normals
 from romdam.geometry.meshes.kinds import facets_by_kind
 from romdam.scene.mortar.clearance import refuse_clearance
 from romdam.scene.mortar.segments import Segments, segments
-from romdam.scene.mortar.surface import Surface, local_coordinates
+from romdam.scene.mortar.surface import MortarSurface, local_coordinates
 from romdam.scene.pairing import do_not_touch
 
 STEEPEST = 30.0  # angle of facets that face each other [degree]
@@ -37,8 +37,8 @@ class MortarInterface:
     slave_is_J : whether the slave is the second block
     """
 
-    slave: Surface
-    master: Surface
+    slave: MortarSurface
+    master: MortarSurface
     segments: Segments
     slave_is_J: bool
 
@@ -118,7 +118,7 @@ def mortar_interface(
     MeshError
         where the faces are apart, or inside each other, by more than the tolerance and their curvature.
     """
-    I, J = Surface.boundary(block_I), Surface.boundary(block_J)
+    I, J = MortarSurface.boundary(block_I), MortarSurface.boundary(block_J)
     between = _facing(I, J, tolerance, location)
     share_I = np.bincount(between.slave, between.area, len(I.facets)) / I.areas
     share_J = np.bincount(between.master, between.area, len(J.facets)) / J.areas
@@ -155,7 +155,7 @@ def mortar_interface(
     return MortarInterface(slave, master, between, slave_is_J)
 
 
-def _facing(I: Surface, J: Surface, tolerance: float, location: str) -> Segments:
+def _facing(I: MortarSurface, J: MortarSurface, tolerance: float, location: str) -> Segments:
     """Segments of facets that face each other.
 
     Beside an edge of the interface facets also come near others at an angle; these are left out while they

@@ -9,7 +9,7 @@ import numpy as np
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.geometry.elements import simplex_rule
 from romdam.geometry.nearest import tree
-from romdam.scene.mortar.surface import Surface, local_coordinates
+from romdam.scene.mortar.surface import MortarSurface, local_coordinates
 
 REACH = 0.1  # distance of pieces that face each other, in sizes of the smaller, beyond the tolerance
 _OPPOSED = -0.5  # cosine: faces that touch look at each other
@@ -49,7 +49,7 @@ class Segments:
 
 
 @dataclass(frozen=True)
-class Samples:
+class SegmentPoints:
     """Quadrature points on the triangles of segments.
 
     Attributes
@@ -66,7 +66,7 @@ class Samples:
     weight: Floats
 
 
-def segments(slave: Surface, master: Surface, tolerance: float) -> Segments:
+def segments(slave: MortarSurface, master: MortarSurface, tolerance: float) -> Segments:
     """Clip the pieces of two faces that look at each other, in the plane of the slave's.
 
     Parameters
@@ -111,7 +111,7 @@ def segments(slave: Surface, master: Surface, tolerance: float) -> Segments:
     return all_pairs.only(np.abs(distance) <= reach[kept])
 
 
-def samples(slave: Surface, master: Surface, where: Segments, degree: int) -> Samples:
+def samples(slave: MortarSurface, master: MortarSurface, where: Segments, degree: int) -> SegmentPoints:
     """Quadrature points that integrate polynomials of a degree over all segments.
 
     Where the slave face is curved the weights are of the curved surface, and a facet that is covered has the
@@ -144,10 +144,10 @@ def samples(slave: Surface, master: Surface, where: Segments, degree: int) -> Sa
         local.append(local_coordinates(face.mapping, flat, points))
     if not slave.is_straight:
         size = _on_surface(slave, where, segment, local[0], size)
-    return Samples(where.slave[segment], where.master[segment], local[0], local[1], size)
+    return SegmentPoints(where.slave[segment], where.master[segment], local[0], local[1], size)
 
 
-def _on_surface(slave: Surface, where: Segments, segment: Ints, xi: Floats, size: Floats) -> Floats:
+def _on_surface(slave: MortarSurface, where: Segments, segment: Ints, xi: Floats, size: Floats) -> Floats:
     """Weights of the plane over the cosine to the curved surface; covered facets get their whole area.
 
     A facet is covered where the polygons fill its flat pieces, which may miss much of it at a curved edge.
@@ -170,7 +170,7 @@ def _on_surface(slave: Surface, where: Segments, segment: Ints, xi: Floats, size
     return np.asarray(size * share[facet][:, None])
 
 
-def integrand_degree(slave: Surface, master: Surface, multiplier: str) -> int:
+def integrand_degree(slave: MortarSurface, master: MortarSurface, multiplier: str) -> int:
     """Degree in the plane of a multiplier times a shape function of either face."""
     return _DEGREE[multiplier] + max(_DEGREE[slave.element.name], _DEGREE[master.element.name])
 

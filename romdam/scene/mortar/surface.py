@@ -37,7 +37,7 @@ class Pieces:
 
 
 @dataclass(frozen=True)
-class Surface:
+class MortarSurface:
     """Facets of one block, outward.
 
     Attributes
@@ -52,14 +52,14 @@ class Surface:
     facets: Ints
 
     @classmethod
-    def boundary(cls, block: Block) -> Surface:
+    def boundary(cls, block: Block) -> MortarSurface:
         """The whole boundary of a block."""
         return cls(block.name, block.points, boundary_facets(block.cells, block.element))
 
-    def only(self, facets: Ints) -> Surface:
+    def only(self, facets: Ints) -> MortarSurface:
         """Some of the facets."""
         kinds = facets_by_kind(self.facets[facets])
-        return Surface(self.block, self.points, kinds[0][1] if len(kinds) == 1 else self.facets[facets])
+        return MortarSurface(self.block, self.points, kinds[0][1] if len(kinds) == 1 else self.facets[facets])
 
     @cached_property
     def element(self) -> Element:

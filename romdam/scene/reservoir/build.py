@@ -13,7 +13,7 @@ from romdam.geometry.elements import Floats
 from romdam.geometry.facets import area_vectors, facet_normals
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.scene.mortar.segments import segments
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.reservoir.reservoir_mesh import reservoir_mesh
 from romdam.scene.reservoir.walls import TOUCH, refuse_prism_beside_rock
 from romdam.scene.select import refuse_selected_twice, select_facets
@@ -180,12 +180,12 @@ def _refuse_contact(
     face: WetFace, contacts: tuple[Joint | Tie, ...], blocks: dict[str, Block], location: str
 ) -> None:
     """Refuse facets that lie on the neighbour of a contact with most of their area."""
-    wet_face = Surface(face.block, blocks[face.block].points, face.facets)
+    wet_face = MortarSurface(face.block, blocks[face.block].points, face.facets)
     for contact in contacts:
         for block, neighbour in zip(contact.blocks, reversed(contact.blocks), strict=True):
             if block != face.block:
                 continue
-            between = segments(wet_face, Surface.boundary(blocks[neighbour]), TOUCH)
+            between = segments(wet_face, MortarSurface.boundary(blocks[neighbour]), TOUCH)
             area = np.where(np.abs(between.distance) <= TOUCH, between.area, 0.0)
             covered = np.bincount(between.slave, area, len(face.facets))
             inside = int((covered > 0.5 * wet_face.areas).sum())

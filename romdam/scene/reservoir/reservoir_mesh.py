@@ -24,7 +24,7 @@ from romdam.geometry.facets import area_vectors, boundary_facets, facet_areas, f
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.kinds import refuse_wedges
 from romdam.geometry.nearest import tree
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.reservoir.walls import TOUCH, UPRIGHT, lying_on, refuse_uncovered
 from romdam.scene.reservoir.wet_mesh import wet_mesh
 from romdam.scene.select import select_facets
@@ -71,7 +71,9 @@ def reservoir_mesh(
             "or `unit`"
         )
     _refuse_confined(mesh, np.unique(walls[at_level]), location)
-    share = _share_on_dam(Surface(mesh.name, mesh.points, walls), water, blocks, config.overlap, location)
+    share = _share_on_dam(
+        MortarSurface(mesh.name, mesh.points, walls), water, blocks, config.overlap, location
+    )
     is_on = {
         "surface": at_level,
         "dam": share > _MOSTLY,
@@ -121,7 +123,7 @@ def reservoir_mesh(
     is_on["rock"] = np.zeros(len(walls), dtype=bool)
     if water.rock:
         leans: Bools = rest & (np.abs(normal_z) > UPRIGHT)
-        surface = Surface(mesh.name, mesh.points, walls)
+        surface = MortarSurface(mesh.name, mesh.points, walls)
         is_on["rock"] = refuse_uncovered(
             surface, leans, water.rock, blocks, config.overlap, location.removesuffix(".mesh")
         )
@@ -146,7 +148,7 @@ def _refuse_confined(mesh: Block, surface: Ints, location: str) -> None:
 
 
 def _share_on_dam(
-    walls: Surface, water: Reservoir, blocks: dict[str, Block], overlap: float, location: str
+    walls: MortarSurface, water: Reservoir, blocks: dict[str, Block], overlap: float, location: str
 ) -> Floats:
     """Share of each facet that lies on the dam; each block's wet faces must be covered."""
     wet: dict[str, float] = {}  # of every block's faces below the level [m2]
@@ -156,7 +158,7 @@ def _share_on_dam(
     covered, apart = dict.fromkeys(blocks, 0.0), 0.0
     touching = np.zeros(len(walls.facets))
     for face in water.faces:
-        between = lying_on(walls, Surface(face.block, blocks[face.block].points, face.facets))
+        between = lying_on(walls, MortarSurface(face.block, blocks[face.block].points, face.facets))
         touching += np.bincount(between.slave, between.area, len(touching))
         covered[face.block] += float(between.area.sum())
         apart = max(apart, float(np.abs(between.distance).max(initial=0.0)))

@@ -12,7 +12,7 @@ from romdam.core.scene import Block, Reservoir, WetFace
 from romdam.geometry.facets import row_numbers
 from romdam.scene.mortar.interface import STEEPEST
 from romdam.scene.mortar.segments import Segments, segments
-from romdam.scene.mortar.surface import Surface
+from romdam.scene.mortar.surface import MortarSurface
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 log = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ TOUCH = 1e-3  # distance of faces that lie on each other [m], as of joints
 _COVERED = 0.95  # least share of floor and leaning banks that lies on the rock, where no key says another
 
 
-def lying_on(water: Surface, solid: Surface) -> Segments:
+def lying_on(water: MortarSurface, solid: MortarSurface) -> Segments:
     """Places where facets of the water and of a solid look at each other and lie on each other."""
     between = segments(water, solid, TOUCH)
     return between.only(between.cosine < -np.cos(np.radians(STEEPEST)))
@@ -67,12 +67,14 @@ def refuse_prism_beside_rock(water: Reservoir, blocks: dict[str, Block], locatio
     along = mesh.points @ water.upstream
     far = mesh.points + np.outer(along.max() + water.length - along, water.upstream)
     k = len(mesh.points)
-    walls = Surface("reservoir", np.concatenate([mesh.points, far]), np.hstack([edges, edges[:, ::-1] + k]))
+    walls = MortarSurface(
+        "reservoir", np.concatenate([mesh.points, far]), np.hstack([edges, edges[:, ::-1] + k])
+    )
     refuse_uncovered(walls, leans, water.rock, blocks, _COVERED, location)
 
 
 def refuse_uncovered(
-    walls: Surface,
+    walls: MortarSurface,
     leans: Bools,
     rock: tuple[WetFace, ...],
     blocks: dict[str, Block],
@@ -94,7 +96,7 @@ def refuse_uncovered(
     """
     touched = np.zeros(len(walls.facets))
     for k, face in enumerate(rock):
-        between = lying_on(walls, Surface(face.block, blocks[face.block].points, face.facets))
+        between = lying_on(walls, MortarSurface(face.block, blocks[face.block].points, face.facets))
         if not between.area.sum() > 0.0:
             raise ConfigError(
                 f"{location}.rock[{k}]: no wall of the reservoir lies on the face (0 m2 of it within 1 mm); "

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from romdam.core.files import replacing
 from romdam.postprocess.variant_tables import changes_of, variant_tables
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import Report, Section, Table, picture, side_by_side
+from romdam.visual.report.parts import PageSection, PageTable, Report, picture, side_by_side
 
 PAGE = "comparison.html"
 _CAPTIONS = {
@@ -40,15 +40,15 @@ def write_comparison(comparison: xr.Dataset, figures: Mapping[str, Figure | byte
     """
     attrs, tables = comparison.attrs, variant_tables(comparison)
     about = f"{attrs['record']}; {attrs['source']}; {attrs['machine']}; {attrs['date_created']}"
-    variants = Table(["variant", "changes"], changes_of(comparison), f"Reference: {attrs['reference']}")
+    variants = PageTable(["variant", "changes"], changes_of(comparison), f"Reference: {attrs['reference']}")
     drawn = [picture(figure, _CAPTIONS[name]) for name, figure in figures.items()]
     sections = [
-        Section("variants", "Variants", [variants]),
+        PageSection("variants", "Variants", [variants]),
         *(
-            Section(table.name, table.title, [Table(table.head, table.rows, table.note, digits=4)])
+            PageSection(table.name, table.title, [PageTable(table.head, table.rows, table.note, digits=4)])
             for table in tables
         ),
-        Section("figures", "Figures", [side_by_side(pair) for pair in drawn]),
+        PageSection("figures", "Figures", [side_by_side(pair) for pair in drawn]),
     ]
     with replacing(folder / PAGE) as unfinished:
         unfinished.write_text(page(Report(str(attrs["title"]), about, [], sections)), encoding="utf-8")

@@ -24,14 +24,14 @@ from matplotlib.textpath import text_to_path
 from romdam.core.files import replacing
 from romdam.core.printable import printable
 from romdam.visual.report.parts import (
-    Cell,
     Code,
+    PageCell,
+    PagePicture,
+    PageSection,
+    PageTable,
     Part,
-    Picture,
     Pictures,
     Report,
-    Section,
-    Table,
     Text,
 )
 from romdam.visual.style import GREY, STYLE
@@ -128,7 +128,7 @@ def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
         sheets.paragraph(report.title, _TITLE, bold=True)
         sheets.paragraph(report.about, _TEXT, colour=_SOFT)
         if report.facts:
-            _set_table(sheets, Table([], [[fact.name, fact.value] for fact in report.facts]))
+            _set_table(sheets, PageTable([], [[fact.name, fact.value] for fact in report.facts]))
         for section in report.sections:
             sheets.need(_beginning(sheets, section))  # a heading stays with what it is of
             sheets.y += _TEXT
@@ -144,7 +144,7 @@ def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
 
 
 def _set_part(sheets: _Sheets, part: Part) -> None:
-    if isinstance(part, Table):
+    if isinstance(part, PageTable):
         _set_table(sheets, part)
     elif isinstance(part, Pictures):
         for drawn in part.all:
@@ -156,14 +156,14 @@ def _set_part(sheets: _Sheets, part: Part) -> None:
             sheets.paragraph(line, _TEXT)
 
 
-def _beginning(sheets: _Sheets, section: Section) -> float:
+def _beginning(sheets: _Sheets, section: PageSection) -> float:
     """Height of a heading and of what must stand below it [points]."""
     first = section.shown[0] if section.shown else None
     below = _sized(sheets, first.all[0])[2] if isinstance(first, Pictures) else 0.0
     return 8.0 * _LINE * _TEXT + below
 
 
-def _sized(sheets: _Sheets, drawn: Picture) -> tuple[np.ndarray, float, float]:
+def _sized(sheets: _Sheets, drawn: PagePicture) -> tuple[np.ndarray, float, float]:
     """The pixels of a picture, its width and its height: as wide as the text, or as high as fits [points]."""
     pixels = imread(io.BytesIO(drawn.png))
     high, wide = pixels.shape[:2]
@@ -172,7 +172,7 @@ def _sized(sheets: _Sheets, drawn: Picture) -> tuple[np.ndarray, float, float]:
     return pixels, width, width * high / wide
 
 
-def _set_picture(sheets: _Sheets, drawn: Picture) -> None:
+def _set_picture(sheets: _Sheets, drawn: PagePicture) -> None:
     """A picture and its caption."""
     pixels, width, height = _sized(sheets, drawn)
     sheets.need(height + 3.0 * _LINE * _SMALL)
@@ -184,9 +184,9 @@ def _set_picture(sheets: _Sheets, drawn: Picture) -> None:
     sheets.paragraph(drawn.caption, _SMALL, colour=_SOFT)
 
 
-def _set_table(sheets: _Sheets, table: Table) -> None:
+def _set_table(sheets: _Sheets, table: PageTable) -> None:
     """A table, its head repeated on every sheet; letters as small as they must be to fit its numbers."""
-    head = [Cell(text) for text in table.head]
+    head = [PageCell(text) for text in table.head]
     rows, right = table.cells, table.numeric
     size = _SMALL
     widths = _column_widths([*([head] if head else []), *rows], right, size, sheets.width)
@@ -219,7 +219,7 @@ def _set_table(sheets: _Sheets, table: Table) -> None:
 
 def _set_row(
     sheets: _Sheets,
-    row: Sequence[Cell],
+    row: Sequence[PageCell],
     widths: np.ndarray,
     right: Sequence[bool],
     size: float,
@@ -237,7 +237,7 @@ def _set_row(
     sheets.y = bottom
 
 
-def _heights(rows: Sequence[Sequence[Cell]], widths: np.ndarray, size: float) -> np.ndarray:
+def _heights(rows: Sequence[Sequence[PageCell]], widths: np.ndarray, size: float) -> np.ndarray:
     """Of every row [points]."""
     counts = [
         max(len(_lines(cell.text, size, width)) for cell, width in zip(row, widths, strict=True))
@@ -247,7 +247,7 @@ def _heights(rows: Sequence[Sequence[Cell]], widths: np.ndarray, size: float) ->
 
 
 def _column_widths(
-    rows: Sequence[Sequence[Cell]], right: Sequence[bool], size: float, width: float
+    rows: Sequence[Sequence[PageCell]], right: Sequence[bool], size: float, width: float
 ) -> np.ndarray:
     """Widths of columns [points], of their longest word at least; what is left goes to long texts."""
     words = np.array(

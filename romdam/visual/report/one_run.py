@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import xarray as xr
 
-from romdam.config.sections.job import Config
+from romdam.config.job import Config
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
@@ -33,15 +33,15 @@ from romdam.postprocess.stated_errors import total_text
 from romdam.postprocess.stress.faces import HEADLINE, verdict
 from romdam.visual.plots import FIGURES
 from romdam.visual.report.parts import (
-    Cell,
     Code,
     Fact,
     Folded,
+    PageCell,
+    PagePicture,
+    PageSection,
+    PageTable,
     Part,
-    Picture,
     Report,
-    Section,
-    Table,
     Text,
     Value,
     number,
@@ -117,7 +117,7 @@ class RunSubject:
 
     def figures(self, *names: str) -> list[Part]:
         """Those of the figures that the result has data for."""
-        drawn = list[Picture | None]()
+        drawn = list[PagePicture | None]()
         for name in names:
             with mpl.rc_context(STYLE):
                 figure = FIGURES[name](self.dataset, self.system)
@@ -155,7 +155,7 @@ def _facts(subject: RunSubject) -> list[Fact]:
     return [*facts, Fact("warnings", str(warnings), warnings > 0)]
 
 
-def dam_section(subject: RunSubject) -> Section:
+def dam_section(subject: RunSubject) -> PageSection:
     """Geometry, materials and joints, as the job states them."""
     config, dataset, parts = subject.config, subject.dataset, list[Part]()
     if subject.scene:
@@ -166,7 +166,7 @@ def dam_section(subject: RunSubject) -> Section:
     nu = [material.nu for material in materials]
     rows: list[list[Value]] = [list(row) for row in zip(config.materials, E, nu, rho, strict=True)]
     parts.append(
-        Table(["material", f"E [{stress}]", "Poisson's ratio", f"density [{density}]"], rows, "Materials")
+        PageTable(["material", f"E [{stress}]", "Poisson's ratio", f"density [{density}]"], rows, "Materials")
     )
     if "joint" in dataset:
         parts.append(_joints_table(subject))
@@ -176,15 +176,15 @@ def dam_section(subject: RunSubject) -> Section:
         if str(name).startswith(PARAMETER) and isinstance(value, float)
     ]
     parts.append(
-        Table(["parameter", "value [SI]"], sample, "Sample of a suite: in place of what the job states")
+        PageTable(["parameter", "value [SI]"], sample, "Sample of a suite: in place of what the job states")
     )
     parts.append(
         _keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
     )
-    return Section("dam", "The dam", parts)
+    return PageSection("dam", "The dam", parts)
 
 
-def _joints_table(subject: RunSubject) -> Table:
+def _joints_table(subject: RunSubject) -> PageTable:
     """Blocks, gaps, area and law of every joint."""
     dataset, laws = subject.dataset, dict[str, str]()
     for name, joint in subject.config.every_joint.items():
@@ -198,10 +198,10 @@ def _joints_table(subject: RunSubject) -> Table:
     for name, size in zip(names, area, strict=True):
         between = " – ".join(str(block) for block in dataset.joint_blocks.sel(joint=name).values)
         rows.append([name, between, int((of_gaps == name).sum()), size, laws.get(name, "")])
-    return Table(["joint", "blocks I–J", "gaps", f"area [{unit}]", "law"], rows, "Joints")
+    return PageTable(["joint", "blocks I–J", "gaps", f"area [{unit}]", "law"], rows, "Joints")
 
 
-def loads_section(subject: RunSubject) -> Section:
+def loads_section(subject: RunSubject) -> PageSection:
     """Loads, water, ground and damping; resultants of the water in joints."""
     dataset, parts = subject.dataset, list[Part]()
     parts.append(
@@ -222,14 +222,14 @@ def loads_section(subject: RunSubject) -> Section:
         ]
         head = ["joint", *(f"{axis} [{unit}]" for axis in "xyz")]
         parts.append(
-            Table(head, rows, "Resultant of the water in joints and their cracks at rest, on block J")
+            PageTable(head, rows, "Resultant of the water in joints and their cracks at rest, on block J")
         )
     if "loads_at_rest" in dataset:
         parts.append(_balance_table(subject))
-    return Section("loads", "Loads", parts)
+    return PageSection("loads", "Loads", parts)
 
 
-def _balance_table(subject: RunSubject) -> Table:
+def _balance_table(subject: RunSubject) -> PageTable:
     """Forces and moments on the dam and its bodies at rest."""
     dataset, rows, kinds = subject.dataset, list[list[Value]](), ("loads", "joints", "supports")
     every = np.stack([dataset[f"{kind}_at_rest"].values for kind in kinds], axis=1)
@@ -242,15 +242,15 @@ def _balance_table(subject: RunSubject) -> Table:
     for k, body in enumerate(map(str, dataset.body.values)):
         left = f"{float(dataset.imbalance_at_rest[k]):.1e}"
         rows += [
-            [body, kind, *lines[len(kinds) * k + i], Cell(left if i == 0 else "", "n")]
+            [body, kind, *lines[len(kinds) * k + i], PageCell(left if i == 0 else "", "n")]
             for i, kind in enumerate(kinds)
         ]
     head = ["body", "of", *(f"F {axis} [{force_unit}]" for axis in "xyz")]
     head += [*(f"M {axis} [{moment_unit}]" for axis in "xyz"), "left, share"]
-    return Table(head, rows, "Forces at rest, moments about the middle of each body")
+    return PageTable(head, rows, "Forces at rest, moments about the middle of each body")
 
 
-def _construction_table(subject: RunSubject) -> Table:
+def _construction_table(subject: RunSubject) -> PageTable:
     """Largest opening of every joint by stage of construction, and where it is grouted."""
     dataset, of_gaps = subject.dataset, subject.dataset.gap_joint.values
     stages = [str(name) for name in dataset.construction_stage.values]
@@ -271,10 +271,10 @@ def _construction_table(subject: RunSubject) -> Table:
             cells.append("–" if np.isnan(value) else f"{number(value)}{then}")
         rows.append(cells)
     title = f"Largest opening by stage of construction, before its grouting [{unit}]"
-    return Table(["joint", *stages], rows, title)
+    return PageTable(["joint", *stages], rows, title)
 
 
-def motion_section(subject: RunSubject) -> Section:
+def motion_section(subject: RunSubject) -> PageSection:
     """The record: what was analysed, and its peak along every axis."""
     dataset, attrs = subject.dataset, subject.dataset.attrs
     rows: list[list[Value]] = [
@@ -289,10 +289,12 @@ def motion_section(subject: RunSubject) -> Section:
         if float(peaks.sel(component=axis)) > 0.0
     ]
     keys = _keys_table(subject, "As the job states it", "records")
-    return Section("motion", "Ground motion", [Table([], rows), *subject.figures("ground_motion"), keys])
+    return PageSection(
+        "motion", "Ground motion", [PageTable([], rows), *subject.figures("ground_motion"), keys]
+    )
 
 
-def checks_section(subject: RunSubject) -> Section:
+def checks_section(subject: RunSubject) -> PageSection:
     """Model and time stepping, what was checked of the run, and its stated errors."""
     attrs, rows = subject.dataset.attrs, list[list[Value]]()
     for check in run_checks(attrs, subject.errors, subject.config.transient.tolerance):
@@ -309,10 +311,10 @@ def checks_section(subject: RunSubject) -> Section:
     order, count = str(attrs["model_order"]), attrs.get("unknowns", "–")
     size = Text(f"{order.capitalize()} model of {count} unknowns, integrator {attrs.get('integrator', '–')}.")
     keys = _keys_table(subject, "Model and time stepping", "model", "transient", "outputs")
-    return Section("checks", "Checks and stated errors", [size, Table(head, rows), *said, keys])
+    return PageSection("checks", "Checks and stated errors", [size, PageTable(head, rows), *said, keys])
 
 
-def joints_section(subject: RunSubject) -> Section | None:
+def joints_section(subject: RunSubject) -> PageSection | None:
     """Peaks of every joint, how they slide, and their figures."""
     dataset = subject.dataset
     if "joint" not in dataset or not dataset.joint.size:
@@ -332,17 +334,17 @@ def joints_section(subject: RunSubject) -> Section | None:
             values.append(list(numbers))
     times = [joint.opening_time for joint in peaks]
     head.insert(2, "at [s]")
-    values.insert(1, [Cell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
+    values.insert(1, [PageCell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
     names = [joint.joint for joint in peaks]
     rows = [list(row) for row in zip(names, *values, strict=True)]
-    return Section("joints", "Joints", [
-        Table(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
+    return PageSection("joints", "Joints", [
+        PageTable(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
         *subject.figures("joint_opening", "opening_envelope", "sliding", "joint_slip", "joint_displacement",
                          "dissipated_energy"),
     ])  # fmt: skip
 
 
-def _sliding_tables(subject: RunSubject) -> Iterator[Table]:
+def _sliding_tables(subject: RunSubject) -> Iterator[PageTable]:
     """How block J slides on block I, a row for each joint."""
     joints = sliding(subject.dataset)
     if not joints:
@@ -365,10 +367,10 @@ def _sliding_tables(subject: RunSubject) -> Iterator[Table]:
     head = ["joint", "block", "verdict", "least factor of safety", "slides [s]", "open [s]"]
     head += [f"residual slip [{unit}]", f"largest of a gap [{unit}]", f"path [{unit}]"]
     note = written_note(subject.dataset)
-    yield Table(head, rows, f"Sliding, {note}" if note else "Sliding")
+    yield PageTable(head, rows, f"Sliding, {note}" if note else "Sliding")
 
 
-def stress_section(subject: RunSubject) -> Section | None:
+def stress_section(subject: RunSubject) -> PageSection | None:
     """Stress of faces and their acceptance, by the limits of linear analysis."""
     dataset, parts = subject.dataset, list[Part]()
     faces = [str(name) for name in dataset.stress_face.values] if "face_principal_stress" in dataset else []
@@ -383,7 +385,7 @@ def stress_section(subject: RunSubject) -> Section | None:
             [name, *numbers, float(dataset.ring_share.sel(stress_face=name))]
             for name, numbers in zip(faces, np.reshape(flat, (-1, 2)).tolist(), strict=True)
         ]
-        parts.append(Table(head, rows, "Major principal stress, outside the ring; tension is positive"))
+        parts.append(PageTable(head, rows, "Major principal stress, outside the ring; tension is positive"))
     if faces and "acceptance" in dataset:
         kinds = limits_of(dataset)
         strength = subject.text("Pa", float(dataset.tensile_strength))
@@ -396,27 +398,27 @@ def stress_section(subject: RunSubject) -> Section | None:
                 words = [verdict(met.sel(dam_kind=kind).values) for kind in kinds]
                 judged.append([name, str(basis), ratio, *words])
         head = ["face", "stress", "demand-capacity ratio", *kinds]
-        parts.append(Table(head, judged, f"Acceptance for a tensile strength of {strength}"))
+        parts.append(PageTable(head, judged, f"Acceptance for a tensile strength of {strength}"))
         parts += [Text(f"Limits of {kind}s: {limits}.", soft=True) for kind, limits in kinds.items()]
         source = "After EM 1110-2-6053 (2007), chapter 4, as later papers quote it: check the limits there."
         parts.append(
             Text(f"{source} A face that fails calls for nonlinear analysis of its concrete.", soft=True)
         )
     parts += subject.figures("stress_damage", "stress", "stress_sections")
-    section = Section("stress", "Stress and acceptance", parts)
+    section = PageSection("stress", "Stress and acceptance", parts)
     return section if section.shown else None
 
 
-def floors_section(subject: RunSubject) -> Section | None:
+def floors_section(subject: RunSubject) -> PageSection | None:
     """Floor spectra and how far they may be off."""
     if "floor_spectrum" not in subject.dataset:
         return None
     parts: list[Part] = [*subject.figures("floor_spectra")]
     parts.append(Text(str(subject.dataset.attrs["floor_spectrum_statement"])))
-    return Section("floors", "Floor spectra", parts)
+    return PageSection("floors", "Floor spectra", parts)
 
 
-def maxima_section(subject: RunSubject) -> Section:
+def maxima_section(subject: RunSubject) -> PageSection:
     """The largest values, where and when, with the motion and the energy."""
     dataset = subject.dataset
     if "stress_position" in dataset:
@@ -433,31 +435,31 @@ def maxima_section(subject: RunSubject) -> Section:
                 value,
                 unit or unit_text(row.unit),
                 row.where,
-                Cell(row.when or "–", "n"),
+                PageCell(row.when or "–", "n"),
                 row.note,
             ]
         )
     head = ["quantity", "value", "unit", "where", "time [s]", "note"]
     notes = [Text(text, soft=True) for text in explained(stated)]
-    return Section("maxima", "Largest values", [
-        Table(head, rows, f"Positions (x, y, z) in {subject.system.foot[1]}"), *notes,
+    return PageSection("maxima", "Largest values", [
+        PageTable(head, rows, f"Positions (x, y, z) in {subject.system.foot[1]}"), *notes,
         *subject.figures("top_displacements", "energy"),
     ])  # fmt: skip
 
 
-def limits_section(subject: RunSubject) -> Section:
+def limits_section(subject: RunSubject) -> PageSection:
     """Warnings of the run, and what the model leaves out."""
     warnings = stated_warnings(subject.dataset.attrs)
     rows: list[list[Value]] = [[str(k), text] for k, text in enumerate(warnings, 1)]
     slides = [Text(_SLIDING_LIMIT)] if "sliding_safety_factor" in subject.dataset else []
-    return Section(
+    return PageSection(
         "limits",
         "Warnings and limits",
-        [Table(["no.", "warning"], rows, "Warnings"), *slides, *map(Text, _LIMITS)],
+        [PageTable(["no.", "warning"], rows, "Warnings"), *slides, *map(Text, _LIMITS)],
     )
 
 
-def reproduction_section(subject: RunSubject) -> Section:
+def reproduction_section(subject: RunSubject) -> PageSection:
     """What makes the same run again: digests, versions, commands and the configuration."""
     attrs = subject.dataset.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
@@ -473,19 +475,19 @@ def reproduction_section(subject: RunSubject) -> Section:
         f"romdam run {Path(str(attrs['configuration_file'])).name} --out DIR\n{subject.command}".rstrip()
     )
     whole = json.dumps(json.loads(str(attrs["configuration"])), indent=1, ensure_ascii=False)
-    parts: list[Part] = [Table([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
-    return Section("reproduce", "How to reproduce", parts)
+    parts: list[Part] = [PageTable([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
+    return PageSection("reproduce", "How to reproduce", parts)
 
 
-def _keys_table(subject: RunSubject, caption: str, *sections: str) -> Table:
+def _keys_table(subject: RunSubject, caption: str, *sections: str) -> PageTable:
     """Keys of sections of the job that are not at their defaults."""
     keys = [
         key for key in stated_keys(subject.config) if key.path.partition(".")[0].partition("[")[0] in sections
     ]
     rows: list[list[Value]] = [
-        [key.path, _value_text(subject, key), Cell(key.text.replace("`", ""), "text")] for key in keys
+        [key.path, _value_text(subject, key), PageCell(key.text.replace("`", ""), "text")] for key in keys
     ]
-    return Table(["key", "value", "meaning"], rows, f"{caption}; what is not listed has its default")
+    return PageTable(["key", "value", "meaning"], rows, f"{caption}; what is not listed has its default")
 
 
 def _value_text(subject: RunSubject, key: StatedKey) -> str:
@@ -523,7 +525,7 @@ def _scaled_text(value: object, size: float) -> str:
     return number(float(value) / size, 4) if isinstance(value, int | float) else str(value)
 
 
-RUN_SECTIONS: tuple[Callable[[RunSubject], Section | None], ...] = (
+RUN_SECTIONS: tuple[Callable[[RunSubject], PageSection | None], ...] = (
     dam_section,
     loads_section,
     motion_section,

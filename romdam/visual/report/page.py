@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from romdam.core.printable import printable
-from romdam.visual.report.parts import Report, Table
+from romdam.visual.report.parts import PageTable, Report
 
 
 def page(report: Report) -> str:
@@ -20,7 +20,7 @@ def page(report: Report) -> str:
     and no style run but the page's own, named by their SHA-256.
     """
     parts = [block for section in report.sections for block in section.shown]
-    sorts = any(isinstance(block, Table) and block.sortable for block in parts)
+    sorts = any(isinstance(block, PageTable) and block.sortable for block in parts)
     style, script = _text("page.css"), _text("runs.js") if sorts else ""
     policy = f"default-src 'none'; img-src data:; style-src {_digest(style)}"
     policy += f"; script-src {_digest(script)}" if script else ""

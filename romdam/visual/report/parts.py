@@ -58,7 +58,7 @@ class Folded:
 
 
 @dataclass(frozen=True)
-class Cell:
+class PageCell:
     """A cell of a table.
 
     Attributes
@@ -82,11 +82,11 @@ class Cell:
         return f"{self.value:.9g}".replace("inf", "Infinity")
 
 
-Value = str | int | float | Cell
+Value = str | int | float | PageCell
 
 
 @dataclass(frozen=True)
-class Table:
+class PageTable:
     """A table; columns of numbers stand on the right, everything else is text.
 
     Attributes
@@ -113,7 +113,7 @@ class Table:
         return [all(_is_number(row[k]) for row in self.rows) for k in range(len(self.rows[0]))]
 
     @property
-    def cells(self) -> list[list[Cell]]:
+    def cells(self) -> list[list[PageCell]]:
         """The rows as they are shown."""
         right = self.numeric
         return [
@@ -122,24 +122,24 @@ class Table:
 
 
 def _is_number(value: Value) -> bool:
-    if isinstance(value, Cell):
+    if isinstance(value, PageCell):
         return value.look == "n"
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def cell_of(value: Value, digits: int = 3, right: bool = True) -> Cell:
+def cell_of(value: Value, digits: int = 3, right: bool = True) -> PageCell:
     """A value as a cell, on the right where its column has numbers alone."""
-    if isinstance(value, Cell):
+    if isinstance(value, PageCell):
         return value
     if not _is_number(value):
         text = str(value)
-        return Cell(text, "text" if len(text) > _LONG else "")
+        return PageCell(text, "text" if len(text) > _LONG else "")
     digits_text = str(value) if isinstance(value, int) else number(float(value), digits)
-    return Cell(digits_text, "n" if right else "", None if np.isnan(float(value)) else float(value))
+    return PageCell(digits_text, "n" if right else "", None if np.isnan(float(value)) else float(value))
 
 
 @dataclass(frozen=True)
-class Picture:
+class PagePicture:
     """An image inside the page.
 
     Attributes
@@ -190,14 +190,14 @@ class Pictures:
     """Pictures in as many columns as there is room for."""
 
     kind: ClassVar[str] = "pictures"
-    all: tuple[Picture, ...]
+    all: tuple[PagePicture, ...]
 
 
-Part = Text | Code | Folded | Table | Pictures
+Part = Text | Code | Folded | PageTable | Pictures
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """A part of a page with a heading.
 
     Attributes
@@ -215,7 +215,8 @@ class Section:
     def shown(self) -> list[Part]:
         """The parts that hold anything."""
         empty = [
-            (isinstance(block, Table) and not block.rows) or (isinstance(block, Pictures) and not block.all)
+            (isinstance(block, PageTable) and not block.rows)
+            or (isinstance(block, Pictures) and not block.all)
             for block in self.parts
         ]
         return [block for block, is_empty in zip(self.parts, empty, strict=True) if not is_empty]
@@ -235,7 +236,7 @@ class Report:
     title: str
     about: str
     facts: Sequence[Fact]
-    sections: Sequence[Section]
+    sections: Sequence[PageSection]
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -251,11 +252,11 @@ def number(value: float, digits: int = 3) -> str:
     return np.format_float_positional(rounded, trim="-").replace("-", "−")
 
 
-def picture(drawing: Figure | bytes, caption: str, alt: str = "") -> Picture:
+def picture(drawing: Figure | bytes, caption: str, alt: str = "") -> PagePicture:
     """A figure, or the bytes of a PNG; its caption says what is seen where no text does."""
-    return Picture(drawing, caption, alt or caption)
+    return PagePicture(drawing, caption, alt or caption)
 
 
-def side_by_side(*pictures: Picture | None) -> Pictures:
+def side_by_side(*pictures: PagePicture | None) -> Pictures:
     """Those of the pictures that are there, in one row where there is room."""
     return Pictures(tuple(each for each in pictures if each is not None))

@@ -15,9 +15,9 @@ from romdam.postprocess.responses import RUNS, intensity_of, parameters, respons
 from romdam.results.suite.rows import RunIndex
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
-    Cell,
-    Section,
-    Table,
+    PageCell,
+    PageSection,
+    PageTable,
     Text,
     Value,
     cell_of,
@@ -44,7 +44,7 @@ class _Column:
     name: str = ""
 
 
-def runs_section(subject: Subject) -> Section:
+def runs_section(subject: Subject) -> PageSection:
     """Every run in one table, the largest response first."""
     summary, notes = subject.summary, []
     places = _by_response(subject)
@@ -63,11 +63,11 @@ def runs_section(subject: Subject) -> Section:
             Text("Measures are those of what was analysed, beside the time that was recorded.", True)
         )
     ordered = next((k for k, column in enumerate(columns) if column.name == subject.response), None)
-    table = Table(head, rows, label="All runs", sortable=True, descending=ordered)
-    return Section("runs", "All runs", [*notes, table])
+    table = PageTable(head, rows, label="All runs", sortable=True, descending=ordered)
+    return PageSection("runs", "All runs", [*notes, table])
 
 
-def worst_section(subject: Subject) -> Section | None:
+def worst_section(subject: Subject) -> PageSection | None:
     """The runs of the largest response as bars, and the same rows as in the table of all."""
     if not subject.done or not subject.response:
         return None
@@ -76,7 +76,7 @@ def worst_section(subject: Subject) -> Section | None:
     caption = f"The {len(places)} largest of {subject.done} runs."
     drawing = picture(plots.worst_figure(worst, [label(subject.summary, at) for at in places]), caption)
     head, rows = _table(_columns(subject), places)
-    table = Table(head, rows, label="Worst runs")
+    table = PageTable(head, rows, label="Worst runs")
     # what the largest response says of records that were not run
     factor, unit = plots.display_unit(worst.response, worst.attrs["response_units"])
     largest, count = number(factor * float(worst.response.max())), int(worst.attrs["records"])
@@ -84,7 +84,7 @@ def worst_section(subject: Subject) -> Section | None:
         f"None of {count} records exceeds {largest} {unit}; of others like them at most "
         f"1 - 0.05^(1/{count}) = {number(100 * none_exceeds(count))} % would, with 95 % confidence."
     )
-    return Section("worst", "Worst runs", [side_by_side(drawing), table, Text(beyond)])
+    return PageSection("worst", "Worst runs", [side_by_side(drawing), table, Text(beyond)])
 
 
 def label(summary: xr.Dataset, at: RunIndex) -> str:
@@ -138,7 +138,7 @@ def _columns(subject: Subject) -> list[_Column]:
         columns.append(_Column("outcome", lambda at: f"failed: {message[at]}" if status[at] else "done"))
     if subject.files:
         links = subject.files
-        columns.append(_Column("files", lambda at: Cell("–", "files", links=tuple(links.get(at, ())))))
+        columns.append(_Column("files", lambda at: PageCell("–", "files", links=tuple(links.get(at, ())))))
     return columns
 
 
@@ -148,7 +148,7 @@ def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
     dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
     numbers = factor * values.transpose(*(RUNS[k] for k in dims)).values.astype(float)
 
-    def cell(at: RunIndex) -> Cell:
+    def cell(at: RunIndex) -> PageCell:
         return cell_of(float(numbers[tuple(at[k] for k in dims)]))
 
     return _Column(f"{title} [{unit}]" if unit else title, cell, name)

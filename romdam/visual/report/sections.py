@@ -25,10 +25,10 @@ from romdam.visual.report.parts import (
     Code,
     Fact,
     Folded,
+    PageSection,
+    PageTable,
     Part,
     Report,
-    Section,
-    Table,
     Text,
     Value,
     number,
@@ -86,13 +86,13 @@ def suite_report(subject: Subject) -> Report:
     return Report(title, f"{size}; summary of {created}", facts, sections)
 
 
-def scene_section(subject: Subject) -> Section | None:
+def scene_section(subject: Subject) -> PageSection | None:
     """Picture of the scene; of the gaps where there is no mesh to draw."""
     sketch = subject.picture or plots.gap_sketch(subject.summary)
     if sketch is None:
         return None
     caption = "The blocks with their joints." if subject.picture else "The gaps of the joints."
-    return Section("scene", "Scene", [side_by_side(picture(sketch, caption))])
+    return PageSection("scene", "Scene", [side_by_side(picture(sketch, caption))])
 
 
 def _accuracies(subject: Subject) -> dict[str, float]:
@@ -102,7 +102,7 @@ def _accuracies(subject: Subject) -> dict[str, float]:
     return {name: float(str(value)) for name, value in every if name != "of" and value is not None}
 
 
-def what_was_run_section(subject: Subject) -> Section:
+def what_was_run_section(subject: Subject) -> PageSection:
     """Size of the suite, what it varies, and with what model."""
     summary, config = subject.summary, subject.configuration
     model, transient = config.get("model", {}), config.get("transient", {})
@@ -130,18 +130,18 @@ def what_was_run_section(subject: Subject) -> Section:
         chosen = summary.gap_joint.values == name
         area = float(summary.gap_area.values[chosen].sum())
         joints.append([str(name), int(chosen.sum()), area])
-    return Section(
+    return PageSection(
         "what",
         "What was run",
         [
-            Table([], rows),
-            Table(["parameter", "unit", "lowest", "median", "highest", "stands for"], varied, "Samples"),
-            Table(["joint", "gaps", "area [m²]"], joints, "Joints"),
+            PageTable([], rows),
+            PageTable(["parameter", "unit", "lowest", "median", "highest", "stands for"], varied, "Samples"),
+            PageTable(["joint", "gaps", "area [m²]"], joints, "Joints"),
         ],
     )
 
 
-def records_section(subject: Subject) -> Section:
+def records_section(subject: Subject) -> PageSection:
     """Spectra and measures of the records; where they are cut, what was analysed beside what was recorded."""
     summary, parts = subject.population, list[Part]()
     if left_out := repeated_text(subject.summary):
@@ -181,10 +181,12 @@ def records_section(subject: Subject) -> Section:
                 f"{number(float(share.min()))} % at least"
             )
         parts.append(Text(f"{text}."))
-    return Section("records", "Records", [*parts, Table(head, rows, "Measures of the scaled records")])
+    return PageSection(
+        "records", "Records", [*parts, PageTable(head, rows, "Measures of the scaled records")]
+    )
 
 
-def speed_section(subject: Subject) -> Section:
+def speed_section(subject: Subject) -> PageSection:
     """Time that a run takes, and its estimated errors."""
     asked = _accuracies(subject).get("openings")
     rows: list[list[Value]] = []
@@ -239,15 +241,15 @@ def speed_section(subject: Subject) -> Section:
             f"{over} of {error.size} runs estimate more."
         )
     head = ["quantity", "unit", "median", "largest", "all runs", "n"]
-    return Section("speed", "Speed and error", [Table(head, rows), *map(Text, notes)])
+    return PageSection("speed", "Speed and error", [PageTable(head, rows), *map(Text, notes)])
 
 
-def failures_section(subject: Subject) -> Section:
+def failures_section(subject: Subject) -> PageSection:
     """Runs that failed, by their message."""
     summary = subject.summary
     failed = summary.status.transpose(*RUNS).values > 0
     if not failed.any():
-        return Section("failures", "Failures", [Text(f"None of {failed.size} runs failed.")])
+        return PageSection("failures", "Failures", [Text(f"None of {failed.size} runs failed.")])
     messages = summary.message.transpose(*RUNS).values
     groups: dict[str, list[str]] = {}
     for at in np.argwhere(failed):
@@ -258,16 +260,16 @@ def failures_section(subject: Subject) -> Section:
         more = f" and {len(records) - _SHOWN} more" if len(records) > _SHOWN else ""
         rows.append([", ".join(records[:_SHOWN]) + more, len(names), message])
     said = f"{int(failed.sum())} of {failed.size} runs failed; they are left out of every statistic."
-    return Section("failures", "Failures", [Text(said), Table(["records", "runs", "message"], rows)])
+    return PageSection("failures", "Failures", [Text(said), PageTable(["records", "runs", "message"], rows)])
 
 
-def warnings_section(subject: Subject) -> Section | None:
+def warnings_section(subject: Subject) -> PageSection | None:
     """Warnings of the runs and of the records, a row for each text."""
     parts = list[Part]()
     of_runs = json.loads(str(subject.summary.attrs.get("run_warnings", "[]")))
     if of_runs:
         warned: list[list[Value]] = [[one["runs"], one["record"], one["warning"]] for one in of_runs]
-        parts.append(Table(["runs", "the first", "warning"], warned, "Of runs, numbers of the first"))
+        parts.append(PageTable(["runs", "the first", "warning"], warned, "Of runs, numbers of the first"))
     said = json.loads(str(subject.summary.attrs.get("record_warnings", "{}")))
     groups: dict[str, list[str]] = {}
     for name, texts in said.items():
@@ -275,11 +277,11 @@ def warnings_section(subject: Subject) -> Section | None:
             groups.setdefault(str(text), []).append(str(name))
     rows: list[list[Value]] = [[", ".join(names), text] for text, names in groups.items()]
     if rows:
-        parts.append(Table(["records", "warning"], rows, "Of records"))
-    return Section("warnings", "Warnings", parts) if parts else None
+        parts.append(PageTable(["records", "warning"], rows, "Of records"))
+    return PageSection("warnings", "Warnings", parts) if parts else None
 
 
-def reproduction_section(subject: Subject) -> Section:
+def reproduction_section(subject: Subject) -> PageSection:
     """What makes the same runs again: digests, versions, commands and the configuration."""
     attrs = subject.summary.attrs
     versions = json.loads(str(attrs.get("versions", "{}")))
@@ -294,11 +296,11 @@ def reproduction_section(subject: Subject) -> Section:
     if subject.topic.command:
         commands += f"\n{subject.topic.command}"
     whole = json.dumps(subject.configuration, indent=1, ensure_ascii=False)
-    parts: list[Part] = [Table([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
-    return Section("reproduce", "How to reproduce", parts)
+    parts: list[Part] = [PageTable([], rows), Code(commands), Folded("The configuration, in SI units", whole)]
+    return PageSection("reproduce", "How to reproduce", parts)
 
 
-SECTIONS: tuple[Callable[[Subject], Section | None], ...] = (
+SECTIONS: tuple[Callable[[Subject], PageSection | None], ...] = (
     scene_section,
     what_was_run_section,
     worst_section,

@@ -19,10 +19,10 @@ from romdam.visual import suite_plots as plots
 from romdam.visual.floor_plots import floor_spectra_of_runs
 from romdam.visual.report.joint_map import opening_map
 from romdam.visual.report.parts import (
+    PagePicture,
+    PageSection,
+    PageTable,
     Part,
-    Picture,
-    Section,
-    Table,
     Text,
     Value,
     number,
@@ -34,7 +34,7 @@ from romdam.visual.report.subject import Subject, in_unit, plain, runs_text
 _ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a table is shown as 0
 
 
-def responses_section(subject: Subject) -> Section | None:
+def responses_section(subject: Subject) -> PageSection | None:
     """Every response over all runs, and the openings over the joints."""
     rows: list[list[Value]] = []
     for name in responses(subject.population):
@@ -64,9 +64,9 @@ def responses_section(subject: Subject) -> Section | None:
         heights = picture(over_height, f"Openings over height; {count} runs.") if over_height else None
         largest = picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs.")
         parts.append(side_by_side(heights, largest))
-    table = Table(head, rows, "Over all runs")
+    table = PageTable(head, rows, "Over all runs")
     sign = Text("Compressions are sizes on this page; in the files compression is negative.", soft=True)
-    return Section("responses", "Openings and other responses", [*parts, table, sign])
+    return PageSection("responses", "Openings and other responses", [*parts, table, sign])
 
 
 def _tidy(numbers: np.ndarray, overall: float) -> list[float]:
@@ -86,7 +86,7 @@ def thresholds_of(values: xr.DataArray) -> tuple[float, ...]:
     return tuple(dict.fromkeys(rounded))
 
 
-def floors_section(subject: Subject) -> Section | None:
+def floors_section(subject: Subject) -> PageSection | None:
     """Floor spectra over the runs."""
     figure = floor_spectra_of_runs(subject.population)
     if figure is None:
@@ -94,10 +94,10 @@ def floors_section(subject: Subject) -> Section | None:
     caption = (
         "Quantiles of the ordinates of all records and samples; broken: broadened. Files hold all of them."
     )
-    return Section("floors", "Floor spectra", [side_by_side(picture(figure, caption))])
+    return PageSection("floors", "Floor spectra", [side_by_side(picture(figure, caption))])
 
 
-def fragility_section(subject: Subject) -> Section | None:
+def fragility_section(subject: Subject) -> PageSection | None:
     """Incremental curves and fragilities."""
     if not subject.done or not subject.response:
         return None
@@ -106,7 +106,7 @@ def fragility_section(subject: Subject) -> Section | None:
     values = response_of(summary, response)
     chosen = subject.topic.thresholds or thresholds_of(values)
     fits = [fragility(summary, response, threshold, intensity) for threshold in chosen]
-    pictures: list[Picture] = []
+    pictures: list[PagePicture] = []
     if not ida.attrs["statement"]:
         caption = f"Incremental dynamic analysis, {runs_text(ida)}."
         pictures.append(picture(plots.ida_figure(ida), caption))
@@ -136,16 +136,16 @@ def fragility_section(subject: Subject) -> Section | None:
             f"{none.attrs['records']} records, with 95 % confidence."
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
-    return Section(
+    return PageSection(
         "fragility",
         "Incremental curves and fragility",
         [*parts, _fragility_table(fits, values, subject.topic.hazard)],
     )
 
 
-def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray, hazard: HazardCurve | None) -> Table:
+def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray, hazard: HazardCurve | None) -> PageTable:
     if not fits:
-        return Table([], [])
+        return PageTable([], [])
     factor, unit = plots.display_unit(
         np.array([f.attrs["threshold"] for f in fits]), str(values.attrs.get("units", "1"))
     )
@@ -174,15 +174,15 @@ def _fragility_table(fits: list[xr.Dataset], values: xr.DataArray, hazard: Hazar
     head = [*head, "exceeding", "note"]
     if not any(row[-1] for row in rows):
         head, rows = head[:-1], [row[:-1] for row in rows]
-    return Table(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
+    return PageTable(head, rows, f"Fragility in {fits[0].attrs['intensity_long_name']}")
 
 
-def hazard_section(subject: Subject) -> Section | None:
+def hazard_section(subject: Subject) -> PageSection | None:
     """Annual frequency at which the response exceeds its levels, of a suite that names a hazard."""
     summary = subject.summary
     title = "Hazard of the response"
     if STATEMENT in summary.attrs:
-        return Section("hazard", title, [Text(f"No frequencies: {summary.attrs[STATEMENT]}.")])
+        return PageSection("hazard", title, [Text(f"No frequencies: {summary.attrs[STATEMENT]}.")])
     if LEVEL not in summary.coords:
         return None
     about = summary[LEVEL].attrs
@@ -194,10 +194,10 @@ def hazard_section(subject: Subject) -> Section | None:
         caption = f"Annual frequency at which {plain(str(about['response']))} exceeds a level."
         parts.append(side_by_side(picture(plots.hazard_figure(summary, factor, unit), caption)))
     note = "The fragility of each level is lognormal; its uncertainty is not part of the frequency."
-    return Section("hazard", title, [*parts, Table(head, rows), Text(note, soft=True)])
+    return PageSection("hazard", title, [*parts, PageTable(head, rows), Text(note, soft=True)])
 
 
-def correlation_section(subject: Subject) -> Section | None:
+def correlation_section(subject: Subject) -> PageSection | None:
     if not subject.done or not subject.response:
         return None
     correlated, title = (
@@ -205,7 +205,7 @@ def correlation_section(subject: Subject) -> Section | None:
         "Correlation with the records' measures",
     )
     if correlated.attrs["statement"]:
-        return Section("correlation", title, [Text(f"No correlation: {correlated.attrs['statement']}.")])
+        return PageSection("correlation", title, [Text(f"No correlation: {correlated.attrs['statement']}.")])
     closest = str(correlated.measure.values[int(np.nanargmax(abs(correlated.spearman.values)))])
     said = (
         f"Rank correlation over records within each scale, samples by their median; {runs_text(correlated)}."
@@ -223,10 +223,10 @@ def correlation_section(subject: Subject) -> Section | None:
         rows.append([str(coefficient.measure.values), float(coefficient.scale), *numbers, int(records)])
     head = ["measure", f"scale{in_unit(correlated.scale)}", "rank correlation", "correlation of logs"]
     head += ["slope of logs", "dispersion of ln", "records"]
-    return Section("correlation", title, [drawings, Table(head, rows)])
+    return PageSection("correlation", title, [drawings, PageTable(head, rows)])
 
 
-def sobol_section(subject: Subject) -> Section | None:
+def sobol_section(subject: Subject) -> PageSection | None:
     """Shares of the variance that the parameters make, where the samples are made for them."""
     if not subject.done or not subject.response or BASE_SAMPLES not in subject.summary.attrs:
         return None
@@ -244,17 +244,17 @@ def sobol_section(subject: Subject) -> Section | None:
         "together. Bounds leave out that Sobol's sequence is better than random samples."
     ]
     notes += [f"{indices.attrs['statement'].capitalize()}."] if indices.attrs["statement"] else []
-    parts += [Table(head, rows), *(Text(note, soft=True) for note in notes)]
-    return Section("sobol", "Shares of the variance (Sobol' indices)", parts)
+    parts += [PageTable(head, rows), *(Text(note, soft=True) for note in notes)]
+    return PageSection("sobol", "Shares of the variance (Sobol' indices)", parts)
 
 
-def sensitivity_section(subject: Subject) -> Section | None:
+def sensitivity_section(subject: Subject) -> PageSection | None:
     if not subject.done or not subject.response or not parameters(subject.population):
         return None
     strength = sensitivity(subject.population, subject.response)
     title = "Sensitivity to the parameters"
     if strength.attrs["statement"]:
-        return Section("sensitivity", title, [Text(f"No sensitivity: {strength.attrs['statement']}.")])
+        return PageSection("sensitivity", title, [Text(f"No sensitivity: {strength.attrs['statement']}.")])
     caption = (
         f"{strength.attrs['samples']} samples, {runs_text(strength)}; bounds of 95 % by "
         f"{strength.attrs['bounds']}; "
@@ -269,4 +269,4 @@ def sensitivity_section(subject: Subject) -> Section | None:
         rows.append([str(parameter.parameter.values), *cells])
     drawing = picture(plots.sensitivity_figure(strength), caption)
     head = ["parameter", "standardised regression", "rank correlation"]
-    return Section("sensitivity", title, [side_by_side(drawing), Table(head, rows)])
+    return PageSection("sensitivity", title, [side_by_side(drawing), PageTable(head, rows)])

@@ -22,7 +22,7 @@ _SHARE = 0.99  # of the stresses, that the colours reach at either end
 
 
 @dataclass(frozen=True)
-class Surface:
+class MovingSurface:
     """Outer facets of one block, straight between its corners.
 
     Attributes
@@ -90,7 +90,7 @@ class Moving:
 
     title: str
     record: str
-    surfaces: list[Surface]
+    surfaces: list[MovingSurface]
     times: Floats
     moved: Floats
     fields: list[Field]
@@ -102,7 +102,7 @@ class Moving:
         """Points of all surfaces, (n, 3) [m]."""
         return np.concatenate([surface.points for surface in self.surfaces])
 
-    def numbered(self) -> Iterator[tuple[Surface, Ints, Ints]]:
+    def numbered(self) -> Iterator[tuple[MovingSurface, Ints, Ints]]:
         """Surfaces with their triangles and edges in the numbers of `points`."""
         first = 0
         for surface in self.surfaces:
@@ -149,7 +149,7 @@ def moving(result: Result, frames: Frames) -> Moving:
     return Moving(str(attrs["title"]), str(attrs["record"]), surfaces, times, whole, fields, scale, upstream)
 
 
-def _surface(result: Result, name: str) -> tuple[Surface, Ints]:
+def _surface(result: Result, name: str) -> tuple[MovingSurface, Ints]:
     """A block's outer facets by the corners of its cells, and the nodes that they are."""
     facets = np.concatenate(
         [_corner_facets(kind.name, cells) for kind, _, cells in kinds_of(*result.cells(name))]
@@ -165,7 +165,7 @@ def _surface(result: Result, name: str) -> tuple[Surface, Ints]:
     triangles = np.concatenate([corners[:, [0, 1, 2]], corners[corners[:, 2] != corners[:, 3]][:, [0, 2, 3]]])
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     edges = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0)
-    return Surface(name, result.points(name)[nodes], triangles, edges), nodes
+    return MovingSurface(name, result.points(name)[nodes], triangles, edges), nodes
 
 
 def _corner_facets(element: str, cells: Ints) -> Ints:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from romdam.config.base import Model
 from romdam.config.quantities import Mass
 from romdam.config.sections.places import Tolerance
-from romdam.core.errors import listed
-
-if TYPE_CHECKING:
-    from romdam.config.sections.job import Config
 
 UnitSystem = Literal["m-kg-s", "mm-t-s", "mm-kg-ms", "mm-kg-s", "in-lbf-s", "ft-lbf-s", "ft-slug-s"]
 
@@ -65,29 +60,3 @@ class MatricesConfig(Model):
     """Mass that the block should have, in every direction; checked within a tenth."""
     tolerance: Tolerance = 1e-3
     """Distance up to which a node of these files is a node of the mesh."""
-
-
-def refuse_wrong_matrices(config: Config, made: Collection[str]) -> None:
-    """Raise if a block with matrices has no shape, is cut, or has its own damping beside modal ratios.
-
-    Parameters
-    ----------
-    made : names of the blocks that a dam of a few keys makes
-
-    Raises
-    ------
-    ValueError
-    """
-    for name, block in config.blocks.items():
-        if block.of_dam and name not in made:
-            raise ValueError(
-                f"blocks.{name}: give exactly one of `box` and `mesh`, the shape of what has these "
-                f"matrices; without them it must be a dam's block, and those are {listed(made)}"
-            )
-        if block.matrices is not None and name in config.cut:
-            raise ValueError(f"cut.{name}: a block with `matrices` cannot be cut; leave one of the two out")
-        if block.matrices is not None and block.matrices.damping and config.damping.modal is not None:
-            raise ValueError(
-                f"blocks.{name}.matrices.damping: damping.modal gives ratios to modes that a damping matrix "
-                "couples; give damping.rayleigh for the other blocks, or leave one of the two out"
-            )

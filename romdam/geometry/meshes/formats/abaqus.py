@@ -20,15 +20,8 @@ from romdam.core.files import check_file, file_text
 from romdam.core.scene import Ints
 from romdam.geometry.cells import Cell
 from romdam.geometry.elements import CELLS, SOLIDS
-from romdam.geometry.meshes.data import (
-    LARGEST,
-    Cells,
-    MeshFile,
-    cannot_be_read,
-    checked_mesh,
-    grouped,
-    missing_ids,
-)
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import LARGEST, MeshFile, cannot_be_read, checked_mesh, grouped, missing_ids
 from romdam.geometry.meshes.formats.abaqus_assembly import Keyword, Lines, flat
 
 _DEEPEST = 10  # of files that include each other

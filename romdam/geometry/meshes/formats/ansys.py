@@ -23,8 +23,8 @@ from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.geometry.cells import COLLAPSED, PLAIN, uncollapsed
+from romdam.geometry.meshes.cells import Cells
 from romdam.geometry.meshes.data import (
-    Cells,
     MeshFile,
     by_value,
     cannot_be_read,

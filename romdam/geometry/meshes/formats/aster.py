@@ -21,14 +21,8 @@ from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.core.scene import Ints
 from romdam.geometry.elements import CELLS
-from romdam.geometry.meshes.data import (
-    Cells,
-    MeshFile,
-    cannot_be_read,
-    checked_mesh,
-    grouped,
-    numbers_of,
-)
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import MeshFile, cannot_be_read, checked_mesh, grouped, numbers_of
 
 _CELLS = {cell.aster: cell for cell in CELLS.values() if cell.aster}
 _ELEMENT = re.compile(r"(?:POI|SEG|TRIA|QUAD|HEXA|PENTA|PYRAM|TETRA)(\d+)")  # and its number of nodes

@@ -19,8 +19,9 @@ from romdam.core.errors import quote
 from romdam.core.scene import Floats, Ints
 from romdam.geometry.elements import CELLS
 from romdam.geometry.facets import row_numbers
-from romdam.geometry.meshes.data import EVERYTHING, Cells, Groups, MeshFile, cannot_be_read, checked_mesh
-from romdam.geometry.meshes.formats.gmsh_numbers import Bytes, Layout, Numbers, Words, counts, whole
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import EVERYTHING, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.geometry.meshes.formats.gmsh_numbers import Bytes, GmshLayout, Numbers, Words, counts, whole
 
 _TYPES = {cell.gmsh: cell for cell in CELLS.values() if cell.gmsh is not None}
 # Nodes of Gmsh's other types, which no block is made of (GmshDefines.h): of high order, and incomplete ones.
@@ -280,7 +281,7 @@ def _past_blanks(data: bytes, at: int) -> int:
     return at
 
 
-def _layout(body: bytes) -> tuple[float, Layout | None]:
+def _layout(body: bytes) -> tuple[float, GmshLayout | None]:
     """Version, and byte order with the size of size_t; None for text."""
     words = body.split(None, 3)
     try:
@@ -301,7 +302,7 @@ def _layout(body: bytes) -> tuple[float, Layout | None]:
     mark = body.partition(b"\n")[2][:4]
     if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
         raise ValueError("its byte order cannot be told")
-    return version, Layout("<" if mark[0] else ">", size)
+    return version, GmshLayout("<" if mark[0] else ">", size)
 
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:

@@ -14,7 +14,7 @@ from romdam.geometry.meshes.data import numbers_of
 _LARGEST = 2.0**53  # beyond it text numbers are not whole any more
 
 
-class Layout(NamedTuple):
+class GmshLayout(NamedTuple):
     """Byte order and the size of size_t of a binary file."""
 
     order: str
@@ -70,7 +70,7 @@ class Words:
 class Bytes:
     """Of a binary section that begins at `at`."""
 
-    def __init__(self, data: bytes, at: int, name: str, layout: Layout) -> None:
+    def __init__(self, data: bytes, at: int, name: str, layout: GmshLayout) -> None:
         self.data, self.at, self.name = data, at, name
         self.kinds = {
             "int": f"{layout.order}i4",

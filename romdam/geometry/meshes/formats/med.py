@@ -20,7 +20,8 @@ from romdam.core.errors import MeshError, ResultError, listed, quote
 from romdam.core.scene import Floats, Ints
 from romdam.core.sealed import reading_foreign
 from romdam.geometry.elements import CELLS
-from romdam.geometry.meshes.data import EVERYTHING, Cells, Groups, MeshFile, cannot_be_read, checked_mesh
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import EVERYTHING, Groups, MeshFile, cannot_be_read, checked_mesh
 
 if TYPE_CHECKING:
     import h5py

@@ -20,10 +20,10 @@ from romdam.core.errors import MeshError, quote
 from romdam.core.files import check_file, file_text
 from romdam.core.scene import Floats, Ints
 from romdam.geometry.elements import CELLS, ELEMENT_OF_CELL
+from romdam.geometry.meshes.cells import Cells
 from romdam.geometry.meshes.data import (
     EVERYTHING,
     LARGEST,
-    Cells,
     Frame,
     MeshFile,
     by_value,

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from romdam.core.errors import MeshError
-from romdam.geometry.meshes.data import Cells, MeshFile, checked_mesh, numbers_of
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import MeshFile, checked_mesh, numbers_of
 
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER = 84  # bytes before the first triangle

@@ -22,8 +22,8 @@ import numpy as np
 from romdam.core.errors import quote
 from romdam.core.files import file_text
 from romdam.geometry.elements import CELLS
+from romdam.geometry.meshes.cells import Cells
 from romdam.geometry.meshes.data import (
-    Cells,
     MeshFile,
     by_value,
     cannot_be_read,

@@ -22,15 +22,8 @@ from numpy.typing import NDArray
 
 from romdam.core.scene import Ints
 from romdam.geometry.elements import CELLS
-from romdam.geometry.meshes.data import (
-    LARGEST,
-    Cells,
-    MeshFile,
-    by_value,
-    cannot_be_read,
-    checked_mesh,
-    numbers_of,
-)
+from romdam.geometry.meshes.cells import Cells
+from romdam.geometry.meshes.data import LARGEST, MeshFile, by_value, cannot_be_read, checked_mesh, numbers_of
 
 _TYPES = {cell.vtk: cell for cell in CELLS.values() if cell.vtk is not None}
 _NUMBERS = {
