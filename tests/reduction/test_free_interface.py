@@ -336,7 +336,7 @@ def test_further_vectors_that_a_basis_knows_leave_no_direction(tmp_path):
     values = np.hstack([A, Phi[:, :4], Phi[:, :1] + A[:, 1:2], Phi[:, 5:6] + 0.1 * Phi[:, 8:9]])
     T = OutOfCoreMatrix(tmp_path / "T", "key", values.shape)
     T.fill(9, lambda first, last: values[:, first:last])
-    pencil = attachment_modes.Pencil(Symmetric(csr_matrix(K)), csr_matrix(M), 0.0, np.arange(12))
+    pencil = attachment_modes.StaticPencil(Symmetric(csr_matrix(K)), csr_matrix(M), 0.0, np.arange(12))
     work, some = right.T @ values, T.narrowed(7)
     known = attachment_modes.diagonalised(some, 4, pencil, work[:, :7])
     omega2, mix = attachment_modes.with_more(T, 2, pencil, work, *known)
