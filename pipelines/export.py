@@ -98,7 +98,7 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
                 scene = replace(scene, joints=joints)
         title = f"{config.title or job.path.stem}, record {motion.name}, by romdam from {job.path.name}"
         static = config.loads.begins == "static"
-        refuse_unknown_effects(config, build.KNOWN_EFFECTS, str(job.path), "written for other codes")
+        refuse_unknown_effects(config, "deck", str(job.path))
         deck = build.build_deck(scene, config.damping, motion, title=title, static=static, grouted=law)
         files, stated = CODES[options.code](deck)
     folder = prepare_folder(Path(out))
@@ -126,7 +126,7 @@ def export_matrices(job: Job, out: Path, show: Stage = silent, cache: Path | Non
         for bad input, and where the folder refuses a file.
     """
     clock, store = Clock(show), open_store(cache)
-    refuse_unknown_effects(job.config, matrices.KNOWN_EFFECTS, str(job.path), "written as matrices")
+    refuse_unknown_effects(job.config, "matrices", str(job.path))
     total = job.config.transient.total_accuracy
     if job.config.model.modes == "auto" or total is not None or automatic_joints(job):
         job, _ = choose_mesh_and_modes(job, usable(records_of(job)), clock, store)

@@ -32,12 +32,6 @@ from romdam.results.fields import open_result
 from romdam.results.suite.design import varied_keys
 from romdam.results.table import write_csv
 
-# effects that a state at rest has, or that rest and `_AT_REST` leave nothing of
-_KNOWN_EFFECTS = {
-    "moving supports", "motion along", "Westergaard's added mass", "incompressible water",
-    "compressible water", "viscous boundary", "free field", "staged weight", "staged construction",
-    "force histories", "temperature", "water in joints", "grouting", "modal damping",
-}  # fmt: skip
 _SECTION = "post_earthquake"
 _SAMPLES = 3  # of a ground at rest: the state at the first of them is judged
 _TOLERANCE = 1e-11  # of the gaps: at 1e-8 a factor of safety is 2e-6 off
@@ -101,7 +95,7 @@ def assess_stability(
     """
     job = load_config(job)
     asked = post_earthquake_of(job)
-    refuse_unknown_effects(job.config, _KNOWN_EFFECTS, str(job.path), "known to a state at rest")
+    refuse_unknown_effects(job.config, "rest", str(job.path))
     joints, failures = list[JointStability](), dict[str, str]()
     without, forces = set[str](), list[Row]()
     for path in results:

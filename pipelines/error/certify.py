@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from romdam.config.effects import acting_effects, refuse_unknown_effects
+from romdam.config.effects import EFFECTS, acting_effects, refuse_unknown_effects
 from romdam.config.load import Job, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
@@ -52,14 +52,6 @@ from romdam.timestepping.simulate import simulate_one
 
 log = logging.getLogger(__name__)
 
-# effects with which a run can begin anew at any row, so that the mesh is solved in windows of the record
-_IN_WINDOWS = {
-    "Westergaard's added mass", "incompressible water", "compressible water", "viscous boundary",
-    "free field", "staged weight", "staged construction", "temperature", "water in joints", "grouting",
-    "modal damping",
-}  # fmt: skip
-_THROUGHOUT = {"moving supports", "motion along", "force histories"}  # and those that take all of it
-
 
 @dataclass(frozen=True)
 class Certified:
@@ -99,8 +91,7 @@ def certify(
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
     _refuse_without_added_jumps(job)
-    known = _IN_WINDOWS | _THROUGHOUT
-    refuse_unknown_effects(job.config, known, str(job.path), "known to a certificate")
+    refuse_unknown_effects(job.config, "certificate", str(job.path))
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
     _refuse_going_on(job, scene)
@@ -113,7 +104,8 @@ def certify(
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
-    sampled = passes is None and damped and acting_effects(job.config) <= _IN_WINDOWS
+    in_windows = not any(EFFECTS[name].needs_all for name in acting_effects(job.config))
+    sampled = passes is None and damped and in_windows
     sampled = sampled and model.prepared.integrator.resumes and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))

@@ -22,14 +22,6 @@ class Coupling(NamedTuple):
     of_solids: bool = True
 
 
-# effects that leave modes as they are, each by itself; "modal damping" is of them
-_KEEP_MODES_APART = {
-    "moving supports", "motion along", "Westergaard's added mass", "incompressible water", "staged weight",
-    "staged construction", "force histories", "temperature", "water in joints", "grouting", "modal damping",
-}  # fmt: skip
-_COUPLE = {"viscous boundary", "free field", "compressible water"}  # as `couplings` says, with their remedies
-
-
 def couplings(config: Sections) -> tuple[Coupling, ...]:
     """Everything that couples the modes of a job."""
     every = list[Coupling]()
@@ -43,7 +35,7 @@ def couplings(config: Sections) -> tuple[Coupling, ...]:
         if block.matrices is not None and block.matrices.damping is not None:
             remedy = "leave it out: damping.rayleigh then damps this block too"
             every.append(Coupling(f"blocks.{name}.matrices.damping", "a damping matrix", remedy))
-    for name in sorted(acting_effects(config) - _KEEP_MODES_APART - _COUPLE):
+    for name in sorted(name for name in acting_effects(config) if EFFECTS[name].modes == "unknown"):
         every.append(Coupling(EFFECTS[name].key, f"{name}, which nothing here is known of,", "leave it out"))
     return tuple(every)
 

@@ -2,19 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from itertools import combinations
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from romdam.config.sections.job import Sections
 from romdam.core.errors import ConfigError
 
+Computation = Literal["deck", "matrices", "rest", "linear stage", "certificate"]
+_WHAT: dict[Computation, str] = {  # what an effect is not, where a computation does not know it
+    "deck": "written for other codes",
+    "matrices": "written as matrices",
+    "rest": "known to a state at rest",
+    "linear stage": "known to a linear stage",
+    "certificate": "known to a certificate",
+}
+# beside the runs themselves: what has an effect, or refuses it with a reason and a remedy of its own
+_KNOWING: frozenset[Computation] = frozenset({"deck", "matrices", "rest", "certificate"})
+
 
 class EffectEntry(NamedTuple):
-    """The key that asks for an effect, and whether a job does."""
+    """An effect as the commands see it. What its entry does not say is refused by its name.
+
+    Attributes
+    ----------
+    key : that asks for it
+    acts : whether a job does
+    known_to : the computations that know it
+    modes : whether it leaves the modes "apart" or has them "coupled", with a remedy in `couplings`
+    needs_all : whether a part of a record does not tell what drives the system in it
+    """
 
     key: str
     acts: Callable[[Sections], bool]
+    known_to: frozenset[Computation] = frozenset()
+    modes: Literal["apart", "coupled", "unknown"] = "unknown"
+    needs_all: bool = True
+
+
+def _known(
+    key: str,
+    acts: Callable[[Sections], bool],
+    *,
+    coupled: bool = False,
+    needs_all: bool = False,
+    linear: bool = False,
+) -> EffectEntry:
+    """The entry of an effect that all commands know, and the linear stage where it is `linear`."""
+    known_to: frozenset[Computation] = _KNOWING | {"linear stage"} if linear else _KNOWING
+    return EffectEntry(key, acts, known_to, "coupled" if coupled else "apart", needs_all)
 
 
 def _has_water(model: str) -> Callable[[Sections], bool]:
@@ -29,25 +65,36 @@ def has_viscous_boundary(config: Sections) -> bool:
 
 
 EFFECTS = {
-    "moving supports": EffectEntry(
-        "supports[].motion", lambda config: any(one.motion is not None for one in config.supports)
+    "moving supports": _known(
+        "supports[].motion",
+        lambda config: any(one.motion is not None for one in config.supports),
+        needs_all=True,
     ),
-    "motion along": EffectEntry("ground.along", lambda config: config.ground.along is not None),
-    "Westergaard's added mass": EffectEntry("water.model: westergaard", _has_water("westergaard")),
-    "incompressible water": EffectEntry("water.model: incompressible", _has_water("incompressible")),
-    "compressible water": EffectEntry("water.model: compressible", _has_water("compressible")),
-    "viscous boundary": EffectEntry("ground.viscous", has_viscous_boundary),
-    "free field": EffectEntry("ground.input: free_field", lambda config: config.ground.input == "free_field"),
-    "staged weight": EffectEntry("loads.weight: staged", lambda config: config.loads.weight == "staged"),
-    "staged construction": EffectEntry("construction", lambda config: bool(config.construction)),
-    "force histories": EffectEntry("loads.force_history", lambda config: bool(config.loads.force_history)),
-    "temperature": EffectEntry("loads.temperature", lambda config: bool(config.loads.temperature)),
-    "water in joints": EffectEntry("loads.joint_water", lambda config: bool(config.loads.joint_water)),
-    "grouting": EffectEntry(
+    "motion along": _known("ground.along", lambda config: config.ground.along is not None, needs_all=True),
+    "Westergaard's added mass": _known("water.model: westergaard", _has_water("westergaard"), linear=True),
+    "incompressible water": _known("water.model: incompressible", _has_water("incompressible"), linear=True),
+    "compressible water": _known("water.model: compressible", _has_water("compressible"), coupled=True),
+    "viscous boundary": _known("ground.viscous", has_viscous_boundary, coupled=True),
+    "free field": _known(
+        "ground.input: free_field", lambda config: config.ground.input == "free_field", coupled=True
+    ),
+    "staged weight": _known(
+        "loads.weight: staged", lambda config: config.loads.weight == "staged", linear=True
+    ),
+    "staged construction": _known("construction", lambda config: bool(config.construction)),
+    "force histories": _known(
+        "loads.force_history", lambda config: bool(config.loads.force_history), needs_all=True
+    ),
+    "temperature": _known("loads.temperature", lambda config: bool(config.loads.temperature), linear=True),
+    "water in joints": _known(
+        "loads.joint_water", lambda config: bool(config.loads.joint_water), linear=True
+    ),
+    "grouting": _known(
         "joints.<name>.grouting_pressure",
         lambda config: any(one.law_keys["grouting_pressure"] for one in config.every_joint.values()),
+        linear=True,
     ),
-    "modal damping": EffectEntry("damping.modal", lambda config: config.damping.modal is not None),
+    "modal damping": _known("damping.modal", lambda config: config.damping.modal is not None, linear=True),
 }
 
 FREE_FIELD_WITH_RATIOS = (
@@ -85,21 +132,21 @@ def acting_effects(config: Sections) -> set[str]:
     return {name for name, effect in EFFECTS.items() if effect.acts(config)}
 
 
-def refuse_unknown_effects(config: Sections, known: Collection[str], source: str, what: str) -> None:
-    """Refuse effects that a computation has never heard of.
+def unknown_effects(config: Sections, to: Computation) -> list[str]:
+    """Names of the effects of a job that a computation does not know."""
+    return sorted(name for name in acting_effects(config) if to not in EFFECTS[name].known_to)
 
-    Parameters
-    ----------
-    known : names in `EFFECTS` that the computation has, or refuses with a reason of its own
-    what : of the computation, such as "written for other codes"
+
+def refuse_unknown_effects(config: Sections, to: Computation, source: str) -> None:
+    """Refuse effects that a computation has never heard of.
 
     Raises
     ------
     ConfigError
         with the key.
     """
-    for name in sorted(acting_effects(config) - set(known)):
-        raise ConfigError(f"{source}: {EFFECTS[name].key}: {name} is not {what}; leave it out")
+    for name in unknown_effects(config, to):
+        raise ConfigError(f"{source}: {EFFECTS[name].key}: {name} is not {_WHAT[to]}; leave it out")
 
 
 def refuse_excluded(config: Sections) -> None:

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from romdam.config.effects import EFFECTS, acting_effects
+from romdam.config.effects import EFFECTS, unknown_effects
 from romdam.config.sections.job import Sections
 
 _COUPLED = "couples the modes, which a response spectrum needs one by one"
-# effects that a response spectrum and a linear time history with tied joints have
-_KNOWN = {
-    "Westergaard's added mass", "incompressible water", "staged weight", "temperature", "water in joints",
-    "grouting", "modal damping",
-}  # fmt: skip
-_WITHOUT = {  # and why it has not the others
+_WITHOUT = {  # why a response spectrum and a linear time history with tied joints have not these effects
     "compressible water": f"{_COUPLED}; set water.model: incompressible",
     "viscous boundary": f"{_COUPLED}; fix the rock at its boundary, with `mass: false`",
     "free field": f"{_COUPLED}; set ground.input: uniform",
@@ -44,6 +39,6 @@ def refuse_linear_stage(config: Sections) -> None:
             "linear_stage: loads.initial_state is the end of a run with open joints, and the linear stage "
             "has them tied; leave one of the two out"
         )
-    for name in sorted(acting_effects(config) - _KNOWN):
+    for name in unknown_effects(config, "linear stage"):
         reason = _WITHOUT.get(name, f"is {name}, which is not known to it; leave it out")
         raise ValueError(f"linear_stage: {EFFECTS[name].key} {reason}")

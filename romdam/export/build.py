@@ -31,12 +31,6 @@ from romdam.scene.ties import scene_parts
 _GIVE = 0.01  # [m] of its blocks' material whose stiffness E / length a rigid gap has, where nothing is rigid
 _ROUNDING = 1e-12  # of a gap's weights, whose sum is 1
 
-# effects that are written, or that `_refuse` meets in the scene with a remedy
-KNOWN_EFFECTS = {
-    "moving supports", "motion along", "Westergaard's added mass", "incompressible water",
-    "compressible water", "viscous boundary", "free field", "staged weight", "staged construction",
-    "force histories", "temperature", "water in joints", "grouting", "modal damping",
-}  # fmt: skip
 _WRITTEN = "written for other codes"
 # fields that a deck has all of, or states that it leaves out (`_stated`)
 _OF_SCENE = {

@@ -49,12 +49,6 @@ log = logging.getLogger(__name__)
 _RANK = 1e-9  # of the least singular value of V_b, relative to the largest, from which on u_b are independent
 _RIGID = 1e-12  # of omega^2 held at u_b, relative to the largest, up to which a motion is rigid
 
-# effects that are written, or that `_refuse` meets in the system with a remedy
-KNOWN_EFFECTS = {
-    "moving supports", "motion along", "Westergaard's added mass", "incompressible water",
-    "compressible water", "viscous boundary", "free field", "staged weight", "staged construction",
-    "force histories", "temperature", "water in joints", "grouting", "modal damping",
-}  # fmt: skip
 _WRITTEN = "written as matrices"
 _OF_BLOCK = {
     "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",

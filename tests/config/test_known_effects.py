@@ -12,7 +12,7 @@ import yaml
 from suite_jobs import BASE, pulse
 
 import romdam
-from romdam.config import coupling, effects, linear_stage, parse_config
+from romdam.config import effects, linear_stage, parse_config
 from romdam.config.coupling import couplings
 from romdam.config.effects import EFFECTS, EffectEntry
 from romdam.core.errors import ConfigError
@@ -23,8 +23,6 @@ from romdam.effects.full_order import assemble_full
 from romdam.export import build, matrices
 from romdam.export.deck import DeckMotion
 from romdam.geometry.matrices import block as of_matrices
-from romdam.pipelines import stability
-from romdam.pipelines.error import certify as certifying
 from romdam.pipelines.error.certify import certify
 from romdam.pipelines.export import ExportOptions, export_deck, export_matrices
 from romdam.pipelines.stability import assess_stability
@@ -69,14 +67,15 @@ def test_an_effect_that_is_not_known_is_refused_by_name(dashpots):
         parse_config(job(linear_stage={}), "s.yaml")
 
 
-def test_every_effect_is_of_one_list():
-    assert {*EFFECTS} == coupling._KEEP_MODES_APART | coupling._COUPLE
-    assert linear_stage._KNOWN | {*linear_stage._WITHOUT} == {*EFFECTS}
-    assert not linear_stage._KNOWN & {*linear_stage._WITHOUT}
-    for known in (build.KNOWN_EFFECTS, matrices.KNOWN_EFFECTS, stability._KNOWN_EFFECTS):
-        assert known == {*EFFECTS}
-    assert {*EFFECTS} == certifying._IN_WINDOWS | certifying._THROUGHOUT
-    assert not certifying._IN_WINDOWS & certifying._THROUGHOUT
+def test_an_effect_that_says_nothing_of_itself_is_known_to_no_command():
+    silent = EffectEntry("key", lambda config: True)
+    assert not silent.known_to and silent.modes == "unknown" and silent.needs_all
+
+
+def test_what_the_linear_stage_does_not_know_it_refuses_with_a_reason():
+    known = {name for name, effect in EFFECTS.items() if "linear stage" in effect.known_to}
+    assert known and not known & {*linear_stage._WITHOUT}
+    assert known | {*linear_stage._WITHOUT} == {*EFFECTS}
 
 
 def test_known_fields_are_fields():
