@@ -32,10 +32,6 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     if any(solid.material.rho == 0.0 for solid in deck.solids):
         stated.append("With massless blocks the first acceleration is zero, whatever acts at the start.")
     slides = sticks & np.isfinite(deck.gaps.friction)
-    if ((law.K_nz > 0.0) & slides).any():
-        stated.append(
-            "The limit of friction is of the normal force without the part of the tension stiffness."
-        )
     deck = deck.stating(*stated)
 
     # supports by component, and jump points without slips
@@ -99,7 +95,10 @@ def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]
     """Keywords of DIS_CONTACT, and points, of every group of gaps of one law."""
     law, friction = deck.gaps.law, deck.gaps.friction
     slides = deck.gaps.sticks & np.isfinite(friction)
-    columns = [law.K_n - law.K_nz, law.gap, slides * law.K_s, np.where(slides, friction, 0.0)]
+    # what K_nz leaves of the compression bears friction for all of it
+    with np.errstate(divide="ignore", invalid="ignore"):
+        coulomb = np.where(slides, friction * law.K_n / (law.K_n - law.K_nz), 0.0)
+    columns = [law.K_n - law.K_nz, law.gap, slides * law.K_s, coulomb]
     kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     laws, points = {}, {}
     for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):

@@ -31,11 +31,11 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     if deck.follows.nnz:
         rows = deck.follows.getnnz(axis=1).astype(bool).sum() // 3
         key, why = next(iter(deck.averaged.items()))
+        spacing = key.endswith(".spacing")
         remedy = "give faces the same nodes and discretization: node_to_node"
         raise ConfigError(
             f"{key} {why}, so that {rows} points of the deck follow several nodes, limit 0: openseespy "
-            "has no linear constraints of several nodes; "
-            f"{'leave it out' if key.endswith('.spacing') else remedy}, "
+            f"has no linear constraints of several nodes; {'leave it out' if spacing else remedy}, "
             "or export to calculix or abaqus"
         )
     stated, diagonal = [], np.einsum("nii->ni", deck.added_mass)
@@ -119,6 +119,7 @@ import sys
 import openseespy.opensees as ops
 
 HERE = pathlib.Path(__file__).parent
+LENGTH = 1e6  # m to a unit of length, in which zeroLengthContactASDimplex takes 1e-6 for none
 """
 
 _SCRIPT = '''
@@ -133,18 +134,22 @@ def xyz(row, what):
 
 
 def build():
-    """Nodes, solids, Rayleigh damping on them, frequencies with open joints, then the gaps."""
+    """Nodes, solids, Rayleigh damping on them, frequencies with open joints, then the gaps.
+
+    Units are kg, s and 1e6 m. A gap that opens by more than 1e-6 of the unit in a step keeps the shear that
+    it had; stiffness per length has the same numbers as in N/m.
+    """
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 3)
     nodes = rows("nodes.csv")
     for row in nodes:
         tag = int(row["node"])
-        ops.node(tag, *xyz(row, ""))
+        ops.node(tag, *(x / LENGTH for x in xyz(row, "")))
         ops.fix(tag, *(int(row["fix_" + axis]) for axis in "xyz"))
         if any(xyz(row, "mass_")):
             ops.mass(tag, *xyz(row, "mass_"))
     for tag, (_, _, E, nu, rho) in BLOCKS.items():
-        ops.nDMaterial("ElasticIsotropic", tag, E, nu, rho)
+        ops.nDMaterial("ElasticIsotropic", tag, E * LENGTH, nu, rho * LENGTH**3)
     cells = rows("elements.csv")
     for tag, row in enumerate(cells, 1):
         block = int(row["block"])
@@ -156,14 +161,14 @@ def build():
             file.write(f"{mode},{math.sqrt(max(value, 0.0)) / (2.0 * math.pi)!r}\\n")
     gaps = rows("gaps.csv")
     for number, row in enumerate(gaps):
-        add_gap(row, len(nodes) + number + 1, len(cells) + 2 * number + 1, len(BLOCKS) + 2 * number + 1)
+        tags = len(nodes) + number + 1, len(cells) + 2 * number + 1, len(BLOCKS) + 2 * number + 1
+        row["elements"] = add_gap(row, *tags)
     return nodes, gaps
 
 
 def add_gap(row, spare, element, material):
     """One gap: compression K_n beyond the initial gap, K_nz in both signs; friction where it has some.
-
-    Shear without a bound, of a friction of inf, is a spring.
+    Shear without a bound, of a friction of inf, is a spring. Returns the elements' tags.
     """
     I, J, normal, along = int(row["I"]), int(row["J"]), xyz(row, "n"), xyz(row, "j")
     K_n, K_nz, K_s, friction, gap = (float(row[key]) for key in ("K_n", "K_nz", "K_s", "friction", "gap"))
@@ -172,20 +177,26 @@ def add_gap(row, spare, element, material):
         ends, frame = (I, J, "-mat", *[material + 1] * 2, "-dir", 2, 3), ("-orient", *normal, *along)
         ops.element("zeroLength", element + 1, *ends, *frame)
     if friction == 0.0 or math.isinf(friction):
-        strain, stress = [-gap - 1.0, -gap, 1.0 - gap], [-K_n, 0.0, K_nz]
+        strain = [(end - gap) / LENGTH for end in (-1.0, 0.0, 1.0)]  # to a metre on both sides
+        stress = [force / LENGTH for force in (-K_n, 0.0, K_nz)]
         ops.uniaxialMaterial("ElasticMultiLinear", material, "-strain", *strain, "-stress", *stress)
         ops.element("zeroLength", element, I, J, "-mat", material, "-dir", 1, "-orient", *normal, *along)
-        return
+        return [element] if friction == 0.0 else [element, element + 1]
     if gap != 0.0:  # the contact element takes its initial gap from where its nodes stand
-        ops.node(spare, *(x + gap * n for x, n in zip(ops.nodeCoord(I), normal)))
+        ops.node(spare, *(x + gap * n / LENGTH for x, n in zip(ops.nodeCoord(I), normal)))
         ops.equalDOF(J, spare, 1, 2, 3)
         J = spare
-    ends = (I, J, K_n - K_nz, K_s, friction)
+    # what K_nz leaves of the compression bears friction for all of it
+    ends = (I, J, K_n - K_nz, K_s, friction * K_n / (K_n - K_nz))
     ops.element("zeroLengthContactASDimplex", element, *ends, "-orient", *normal, "-intType", 0)
-    if K_nz:
-        ops.uniaxialMaterial("Elastic", material + 1, K_nz)
+    if K_nz:  # from where the joint closes, not from where it stands
+        strain = [(end - gap) / LENGTH for end in (-1.0, 1.0)]
+        stress = [force / LENGTH for force in (-K_nz, K_nz)]
+        ops.uniaxialMaterial("ElasticMultiLinear", material + 1, "-strain", *strain, "-stress", *stress)
         frame = ("-orient", *normal, *along)
         ops.element("zeroLength", element + 1, I, J, "-mat", material + 1, "-dir", 1, *frame)
+        return [element, element + 1]
+    return [element]
 
 
 def loads(nodes, series):
@@ -193,7 +204,7 @@ def loads(nodes, series):
     ops.pattern("Plain", 1, 1)
     for row in nodes:
         if any(xyz(row, "force_")):
-            ops.load(int(row["node"]), *xyz(row, "force_"))
+            ops.load(int(row["node"]), *(f / LENGTH for f in xyz(row, "force_")))
 
 
 def analysis(kind, *integrator):
@@ -201,7 +212,7 @@ def analysis(kind, *integrator):
     ops.constraints("Transformation")
     ops.numberer("RCM")
     ops.system("UmfPack")  # SparseSYM takes two thirds of its time, and crashes where blocks hang apart
-    ops.test("NormDispIncr", 1e-10, 30, 0)
+    ops.test("NormDispIncr", 1e-10 / LENGTH, 30, 0)
     ops.algorithm("Newton")
     ops.integrator(*integrator)
     ops.analysis(kind)
@@ -234,7 +245,15 @@ def add_time(dt):
 
 def opening(row):
     I, J = (ops.nodeDisp(int(row[end])) for end in "IJ")
-    return float(row["gap"]) + sum(n * (q - p) for n, p, q in zip(xyz(row, "n"), I, J))
+    return float(row["gap"]) + LENGTH * sum(n * (q - p) for n, p, q in zip(xyz(row, "n"), I, J))
+
+
+def force(row):
+    """Along the normal, j and k of a gap, on its side J against the joint: compression is negative."""
+    normal, along = xyz(row, "n"), xyz(row, "j")
+    upright = [normal[a - 2] * along[a - 1] - normal[a - 1] * along[a - 2] for a in range(3)]
+    total = [LENGTH * sum(ops.eleForce(tag)[3 + a] for tag in row["elements"]) for a in range(3)]
+    return [sum(a * f for a, f in zip(axis, total)) for axis in (normal, along, upright)]
 
 
 def main():
@@ -249,20 +268,24 @@ def main():
         loads(nodes, "Constant")
     record = rows("record.csv")
     for direction, axis in enumerate("xyz", 1):
-        values = [float(row[axis]) for row in record]
+        values = [float(row[axis]) / LENGTH for row in record]
         if any(values):
             ops.timeSeries("Path", 1 + direction, "-dt", DT, "-values", *values)
             ops.pattern("UniformExcitation", 1 + direction, direction, "-accel", 1 + direction)
     analysis("Transient", "HHT", 0.9)
-    with open(HERE / "openings.csv", "w", buffering=1) as file:
+    with open(HERE / "openings.csv", "w", buffering=1) as file, open(HERE / "forces.csv", "w") as forces:
         file.write(HEAD)
+        axes = [f"{axis}:{k}" for k in range(len(gaps)) for axis in ("normal", "j", "k")]
+        forces.write(",".join(["time", *axes]) + "\\n")
         for step in range(STEPS + 1):
             if step:
                 advance(add_time, DT, "no convergence at {:.6f} s; what was computed stands in openings.csv")
             if step % STRIDE == 0:
-                moved = [value for node in PROBES.values() for value in ops.nodeDisp(node)]
+                moved = [LENGTH * value for node in PROBES.values() for value in ops.nodeDisp(node)]
                 numbers = [step * DT, *(opening(row) for row in gaps), *moved]
                 file.write(",".join(map(repr, numbers)) + "\\n")
+                of_gaps = [value for row in gaps for value in force(row)]
+                forces.write(",".join(map(repr, [step * DT, *of_gaps])) + "\\n")
 
 
 if __name__ == "__main__":

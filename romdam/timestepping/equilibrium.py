@@ -189,7 +189,8 @@ def _rests_unloaded(system: System) -> bool:
     Their strengths would leave forces of the solver's tolerance, and those displacements that never rest.
     """
     law = system.law
-    if system.force.any() or not law.has_memory or law.remembers or (law.gap < 0.0).any():
+    acts = (law.gap < 0.0) | ((law.gap > 0.0) & (law.K_nz > 0.0))  # presses, or pulls the joint shut
+    if system.force.any() or not law.has_memory or law.remembers or acts.any():
         return False
     return not _unloaded(system)[1].water.any()
 

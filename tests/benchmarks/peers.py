@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import re
 import resource
 import shutil
 import subprocess
@@ -119,6 +120,31 @@ def peer(command: list[str], folder: Path) -> tuple[float, str]:
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, said
 
 
+class Lacking(Exception):
+    """What a program lacks, so that it has no row."""
+
+
+def refuse_unfit(python: Path, module: str) -> None:
+    """Import a module in the peers' Python, and say what keeps it from that.
+
+    Raises
+    ------
+    Lacking
+    """
+    if not python.exists():
+        raise Lacking(f"there is no Python at {python}; make peers installs it")
+    done = subprocess.run([python, "-c", f"import {module}"], capture_output=True, text=True, timeout=300)
+    if done.returncode == 0:
+        return
+    said = (done.stderr or done.stdout).strip().splitlines()
+    library = next((m[1] for line in said if (m := re.search(r"(\S+\.so\S*): cannot open", line))), "")
+    package = {"libblas.so.3": "libblas3", "liblapack.so.3": "liblapack3"}.get(library, "")
+    if library:
+        remedy = f"apt-get install {package}" if package else "install what it is of"
+        raise Lacking(f"{module} lacks the system's library {library}; {remedy}")
+    raise Lacking(f"{module} cannot be imported in {python}: {said[-1] if said else 'no message'}")
+
+
 def openings(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Times, and openings of all gaps; whole rows of a file that may end within one."""
     head, *rows = path.read_text().splitlines()
@@ -131,6 +157,10 @@ def deck(
     code: str, path: Path, folder: Path, python: Path, *, searches: bool = False
 ) -> tuple[Run, np.ndarray]:
     """Run an exported deck, with springs or with contact that `searches`; also its frequencies [Hz]."""
+    if code == "opensees":
+        refuse_unfit(python, "openseespy.opensees")
+    elif shutil.which("ccx") is None:
+        raise Lacking("ccx is not on the PATH; Debian: apt-get install calculix-ccx")
     job = romdam.load_config(path)
     export_deck(job, folder, ExportOptions(code, dt=STEPS[code]))
     if searches:
@@ -142,6 +172,8 @@ def deck(
         peer(["ccx", "frequencies"], folder)
         cpu, said = peer(["ccx", "deck"], folder)
         peer([sys.executable, "openings.py"], folder)
+    if not (folder / "frequencies.csv").exists():
+        raise Lacking(f"{code} ended before its frequencies: {said}; {folder / 'log.txt'}")
     table = np.loadtxt(folder / "frequencies.csv", delimiter=",", skiprows=1)
     times, gaps = openings(folder / "openings.csv")
     steps = round(times[-1] / STEPS[code])
@@ -152,6 +184,7 @@ def deck(
 
 def exudyn(path: Path, folder: Path, python: Path, seconds: float) -> Run:
     """Reduced blocks of romdam in Exudyn."""
+    refuse_unfit(python, "exudyn")
     paths = export_matrices(romdam.load_config(path), folder)
     names = [p.stem for p in paths if p.suffix == ".h5" and p.stem != "system"]
     model: dict[str, Any] = {"blocks": len(names), "stride": round(ROW / STEPS["exudyn"])}
@@ -224,11 +257,11 @@ def scene(name: str, raw: dict[str, Any], out: Path, python: Path, seconds: floa
             folder = out / (f"{code}_contact" if searches else code)
             runs[label], frequencies = deck(code, path, folder, python, searches=searches)
             off[label] = float(np.abs(frequencies[: len(exact)] / exact[: len(frequencies)] - 1.0).max())
-        except (RomdamError, OSError, ValueError, IndexError) as error:
+        except (Lacking, RomdamError, OSError, ValueError, IndexError) as error:
             print(f"{name}, {label}: {error}", file=sys.stderr)
     try:
         runs["Exudyn, romdam's blocks"] = exudyn(path, out / "exudyn", python, seconds)
-    except (RomdamError, OSError, ValueError, IndexError) as error:
+    except (Lacking, RomdamError, OSError, ValueError, IndexError) as error:
         print(f"{name}, Exudyn: {error}", file=sys.stderr)
     rows = []
     for label, run in runs.items():
@@ -282,10 +315,6 @@ def main() -> None:
     parser.add_argument("--only", choices=list(SCENES), help="one scene")
     args = parser.parse_args()
     logging.basicConfig(level=logging.ERROR)
-    if shutil.which("ccx") is None:
-        print(
-            "ccx is not on the PATH: CalculiX has no row (Debian: apt install calculix-ccx)", file=sys.stderr
-        )
     out, python = args.out.resolve(), args.peers.absolute()
     rows = [
         row

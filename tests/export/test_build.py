@@ -216,7 +216,8 @@ class _Springs:
 
     def uniaxialMaterial(self, kind, tag, *values):
         # the secant of the multilinear one over both signs, without a gap
-        self.stiffness[tag] = values[0] if kind == "Elastic" else (values[7] - values[5]) / 2.0
+        secant = kind != "Elastic" and (values[7] - values[5]) / (values[3] - values[1])
+        self.stiffness[tag] = secant or values[0]
 
     def element(self, kind, tag, I, J, *words):
         assert kind == "zeroLength"
@@ -230,7 +231,8 @@ def test_springs_of_an_elastic_joint_in_opensees():
     deck = built(boxes(joints={"gap": ELASTIC}))[1]
     files, stated = write_opensees(deck)
     script, ops = files["deck.py"], _Springs()
-    names = {"ops": ops, "math": math, "xyz": lambda row, what: [float(row[what + axis]) for axis in "xyz"]}
+    names = {"ops": ops, "math": math, "LENGTH": 1e6}
+    names["xyz"] = lambda row, what: [float(row[what + axis]) for axis in "xyz"]
     exec(script[script.index("def add_gap") : script.index("def loads")], names)
     for k, row in enumerate(csv.DictReader(io.StringIO(files["gaps.csv"]))):
         names["add_gap"](row, 1000 + k, 1 + 2 * k, 1 + 2 * k)

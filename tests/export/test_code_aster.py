@@ -267,7 +267,8 @@ def test_law_of_a_gap_is_romdam_s(friction, tmp_path):
         assert list(force.values()) == pytest.approx(expected, rel=1e-9)
     shear = sum(own.get("RIGI_TAN", 0.0) * len(points[group]) for group, own in names["GAPS"].items())
     assert shear == pytest.approx(law.K_s.sum() if friction else 0.0)
-    assert {own.get("COULOMB") for own in names["GAPS"].values()} == {0.5 if friction else None}
+    limits = {own.get("COULOMB") for own in names["GAPS"].values()}
+    assert limits == ({0.5 * law.K_n[0] / (law.K_n[0] - law.K_nz[0])} if friction else {None})
     assert ("NO_SLIP" in names["HELD"]) != friction
 
 
@@ -332,7 +333,6 @@ def test_what_was_never_run_is_said():
     files, stated = write_code_aster(built(boxes(joints={"gap": FRICTION}))[1])
     assert "never run" in stated[0]
     assert "never run" in files["deck.comm"].partition("DEBUT()")[0]
-    assert "tension stiffness" in stated[1]
     light = boxes(joints={})
     light["blocks"]["left"]["mass"] = False
     assert "massless" in write_code_aster(built(light)[1])[1][1]
