@@ -43,6 +43,7 @@ MOST = 1e13  # bytes of a file
 _MAGIC = b"\x89HDF\r\n\x1a\n"
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # version of a superblock -> where it has the file's end
 _SHORTEST = 52  # bytes that hold any of these
+_BLOCKS = (0, 512, 1024, 2048)  # bytes of another program's own, such as MATLAB's, in front of HDF5's
 _HEAD = b"romdam-seal-1 "
 _SEAL = re.compile(_HEAD + rb"([0-9a-f]{64})\n")
 _LENGTH = len(_HEAD) + 65
@@ -94,9 +95,11 @@ def is_sealed(path: Path) -> bool:
     try:
         size = path.stat().st_size
         with path.open("rb") as file:
-            head = file.read(_SHORTEST)
+            start = file.read(_BLOCKS[-1] + _SHORTEST)
             file.seek(max(0, size - _LENGTH))
             seal = _SEAL.fullmatch(file.read(_LENGTH))
+        block = next((at for at in _BLOCKS if start[at:].startswith(_MAGIC)), 0)
+        head = start[block : block + _SHORTEST]
         if len(head) < _SHORTEST or not head.startswith(_MAGIC):
             raise ResultError(f"{path}: is not a NetCDF-4 file nor another of HDF5, or its head is damaged")
         if seal:
@@ -106,7 +109,7 @@ def is_sealed(path: Path) -> bool:
     except OSError as error:
         raise ResultError(f"{path}: cannot be read ({error})") from error
     at = _END_AT.get(head[8], _SHORTEST)
-    if int.from_bytes(head[at : at + 8], "little") != size:
+    if int.from_bytes(head[at : at + 8], "little") not in (size, size - block):
         raise ResultError(f"{path}: is damaged or cut, it does not end where its head says or in its digest")
     return False
 

@@ -6,12 +6,15 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from nastran_frames import write_frames
 from scipy.io import mmwrite
+from scipy.linalg import eigh
 from scipy.sparse import csr_matrix, tril
 
+import romdam
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.errors import MeshError, ResultError
 from romdam.core.scene import Material
@@ -22,6 +25,7 @@ from romdam.geometry.matrices.data import DIRECTIONS, MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices, read_matrices
 from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.geometry.meshes.files import MeshFiles
+from romdam.pipelines.modes import ModesOptions
 
 DATA = Path(__file__).parent / "data" / "calculix"
 PLACE = "job.yaml: blocks.right.matrices"
@@ -138,7 +142,59 @@ def write_dmig(folder, K, M, unknowns):
     return {"stiffness": "km.pch", "mass": "km.pch", "nodes": "nodes.inp"}
 
 
+def write_matlab(folder, K, M, unknowns, **how):
+    """MATLAB's `save`, by SciPy: K, M and what else stands in a workspace."""
+    from scipy.io import savemat
+
+    savemat(
+        folder / "model.mat", {"K": K, "M": M, "note": "of a workspace", "times": np.zeros((1, 3))}, **how
+    )
+    write_csv(folder / "u.csv", unknowns)
+    return {"stiffness": "model.mat", "mass": "model.mat", "unknowns": "u.csv"}
+
+
+def write_matlab_73(folder, K, M, unknowns):
+    """As `save -v7.3`: HDF5 behind 512 bytes, sparse matrices by columns, dense ones transposed."""
+    with h5py.File(folder / "model.mat", "w", userblock_size=512) as file:
+        group, columns = file.create_group("K"), csr_matrix(K).tocsc()
+        group.attrs["MATLAB_sparse"] = np.uint64(columns.shape[0])
+        group.attrs["MATLAB_class"] = np.bytes_("double")
+        group["data"], group["ir"] = columns.data, columns.indices.astype(np.uint64)
+        group["jc"] = columns.indptr.astype(np.uint64)
+        file["M"] = M.toarray().T
+        file["M"].attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_group("#refs#")
+    with (folder / "model.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+    write_csv(folder / "u.csv", unknowns)
+    return {"stiffness": "model.mat", "mass": "model.mat", "unknowns": "u.csv"}
+
+
+def write_mmf(folder, K, M, unknowns):
+    """ANSYS' `*EXPORT, MATK, MMF, K.mmf`."""
+    keys = write_market(folder, K, M, unknowns, symmetry="symmetric")
+    for name in "KM":
+        (folder / f"{name}.mtx").rename(folder / f"{name}.mmf")
+    return keys | {"stiffness": "K.mmf", "mass": "M.mmf"}
+
+
+def write_triplets(folder, K, M, unknowns):
+    """code_aster's `EXTR_MATR(sparse=True)`: values, rows, columns from 0, written line by line."""
+    for name, matrix in (("K.txt", K), ("M.txt", M)):
+        own = matrix.tocoo()
+        rows = zip(own.row.tolist(), own.col.tolist(), own.data.tolist(), strict=True)
+        (folder / name).write_text("".join(f"{i} {j} {value!r}\n" for i, j, value in rows))
+    write_csv(folder / "u.csv", unknowns)
+    return {"stiffness": "K.txt", "mass": "M.txt", "unknowns": "u.csv"}
+
+
 WRITERS = {
+    "matlab 5": write_matlab,
+    "matlab 7": lambda *own: write_matlab(*own, do_compression=True),
+    "matlab 4": lambda *own: write_matlab(*own, format="4"),
+    "matlab 7.3": write_matlab_73,
+    "ansys": write_mmf,
+    "code_aster": write_triplets,
     "market": write_market,
     "symmetric market": lambda *own: write_market(*own, symmetry="symmetric"),
     "abaqus": write_labels,
@@ -160,6 +216,65 @@ def test_every_format_gives_the_same_matrices(form, tmp_path):
     assert abs(own.M - M).max() <= digits * abs(M).max()
     assert (own.unknowns.labels == unknowns.labels).all()
     assert np.allclose(own.unknowns.position, unknowns.position, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("form", WRITERS)
+def test_frequencies_of_every_format_are_scipys(form, tmp_path):
+    """A job of the files, one block on springs of its own supports: the lowest five to 1e-9."""
+    K, M, unknowns = of_mesh()
+    keys = WRITERS[form](tmp_path, K, M, unknowns)
+    shutil.copy(DATA / "right.inp", tmp_path / "right.inp")
+    low = float(unknowns.position[:, 2].min())
+    held = unknowns.position[:, 2] == low
+    free = np.ix_(~held, ~held)
+    full = [matrix.toarray() for matrix in (K, M)]
+    if form == "dmig":  # the format has ten digits
+        full = [np.vectorize(lambda value: float(f"{value:.9E}"))(matrix) for matrix in full]
+    omega2 = eigh(full[0][free], full[1][free], eigvals_only=True, subset_by_index=[0, 4])
+    block = {"material": "c", "mesh": {"file": "right.inp"}, "matrices": keys}
+    (tmp_path / "r.txt").write_text("0\n1\n0\n")
+    job = {
+        "materials": {"c": {"E": "30 GPa", "nu": 0.2, "rho": 2400}},
+        "blocks": {"right": block},
+        "supports": [{"block": "right", "face": {"axis": "z", "at": low}}],
+        "records": [{"name": "r", "file": "r.txt", "unit": "m/s2", "dt": "0.01 s", "components": {"y": 1}}],
+        "model": {"modes": 10},
+        "transient": {"finest_step": "1 ms"},
+    }
+    found = romdam.modes(
+        romdam.load_config(job, tmp_path), tmp_path / "out", ModesOptions(joints="open", count=5)
+    )
+    assert found.dataset.frequency.values == pytest.approx(np.sqrt(omega2) / (2.0 * np.pi), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"MATLAB 5.0 MAT-file, Platform".ljust(128), "cannot be read"),
+        (b"", "cannot be read"),
+        (b"\x00" * 600, "cannot be read|has the matrices"),
+    ],
+)
+def test_damaged_matlab_files_are_refused(content, message, tmp_path):
+    K, M, unknowns = of_mesh()
+    keys = write_matlab(tmp_path, K, M, unknowns)
+    (tmp_path / "model.mat").write_bytes(content)
+    with pytest.raises(MeshError, match=message):
+        read(tmp_path, **keys)
+
+
+def test_a_workspace_of_several_matrices_needs_a_name(tmp_path):
+    from scipy.io import savemat
+
+    K, M, unknowns = of_mesh()
+    write_csv(tmp_path / "u.csv", unknowns)
+    savemat(tmp_path / "model.mat", {"K": K, "Kgeo": K, "M": M})
+    keys = {"stiffness": "model.mat", "mass": "model.mat", "unknowns": "u.csv"}
+    with pytest.raises(
+        MeshError, match=r"has the matrices K, Kgeo, M, of which 2 begin with K, expected one"
+    ):
+        read(tmp_path, **keys)
+    assert abs(read(tmp_path, names={"stiffness": "K"}, **keys).K - K).max() <= 1e-15 * abs(K).max()
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array, csr_matrix, diags_array
 
 from romdam.core.arrays import Floats, Ints
-from romdam.core.errors import MeshError
+from romdam.core.errors import MeshError, listed, quote
 
 log = logging.getLogger(__name__)
 
@@ -66,6 +67,36 @@ class MatrixUnknowns:
     def name(self, k: int) -> str:
         """An unknown, for messages."""
         return f"node {self.node[k]}, {DIRECTIONS[self.motion[k]]}"
+
+
+_LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}  # that a matrix's name begins with
+
+
+def meant(names: Collection[str], key: str, location: str) -> str:
+    """The name in a file that a key means: its own, or the only one, or the only K..., M... or B...
+
+    Parameters
+    ----------
+    key : `stiffness`, `mass`, `damping`, or a name in the file, small or capital letters alike
+
+    Raises
+    ------
+    MeshError
+        where none or several can be meant.
+    """
+    letter = _LETTER.get(key, "")
+    fitting = [
+        name
+        for name in names
+        if name.upper() == key.upper() or (letter and (len(names) == 1 or name.upper().startswith(letter)))
+    ]
+    if len(fitting) != 1:
+        what = f"begin with {letter}" if letter else f"are {quote(key)}"
+        raise MeshError(
+            f"{location}: has the matrices {listed(names)}, of which {len(fitting)} {what}, expected one; "
+            "give `names`, such as {stiffness: KXX}"
+        )
+    return fitting[0]
 
 
 def motion_of(number: Ints, location: str) -> Ints:

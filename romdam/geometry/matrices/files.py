@@ -15,7 +15,7 @@ from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import MeshError, ResultError
 from romdam.core.files import check_file
-from romdam.geometry.matrices import hdf5, nastran, text
+from romdam.geometry.matrices import hdf5, matlab, nastran, text
 from romdam.geometry.matrices.data import Entries, MatrixUnknowns, from_labels, sparse
 from romdam.geometry.matrices.frames import in_basic, turned, turned_vectors, with_frames
 from romdam.geometry.meshes.data import Numbered
@@ -37,11 +37,12 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _NASTRAN = (".op4", ".pch")  # whose rows are along the axes that GRID gives to a node
-_NAMED = (".op4", ".pch", ".h5", ".hdf5")  # files that may hold several matrices
+_NAMED = (".op4", ".pch", ".h5", ".hdf5", ".mat")  # files that may hold several matrices
 _MATRICES: dict[str, Callable[[Path, str, str], Entries]] = {
-    **dict.fromkeys((".mtx", ".sti", ".mas", ".dam", ".txt"), text.read_text),
+    **dict.fromkeys((".mtx", ".mmf", ".sti", ".mas", ".dam", ".txt"), text.read_text),
     **dict.fromkeys((".h5", ".hdf5"), hdf5.read_hdf5),
     **dict.fromkeys(_NASTRAN, nastran.read_nastran),
+    ".mat": matlab.read_matlab,
 }
 _UNKNOWNS: dict[str, Callable[[Path, str], MatrixUnknowns]] = {
     ".dof": text.read_dof,
@@ -153,12 +154,13 @@ class _Reader:
             return None
         self._opened(key, _MATRICES)
         path, location = self.path(key), self.at(key)
-        hierarchical = path.suffix.lower() in (".h5", ".hdf5")
-        columns = (
-            hdf5.read_columns(path, self.name(key) or key, location)
-            if hierarchical
-            else text.read_columns(path, location)
-        )
+        ending, name = path.suffix.lower(), self.name(key) or key
+        if ending in (".h5", ".hdf5"):
+            columns = hdf5.read_columns(path, name, location)
+        elif ending == ".mat":
+            columns = matlab.read_matlab_columns(path, name, location)
+        else:
+            columns = text.read_columns(path, location)
         if columns.shape != shape or not np.isfinite(columns).all():
             raise MeshError(
                 f"{location}: is {columns.shape[0]} by {columns.shape[1]}, expected {shape[0]} by "

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array
 
-from romdam.core.errors import MeshError, listed, quote
-from romdam.geometry.matrices.data import INTERNAL, Entries, MatrixUnknowns, motion_of
+from romdam.core.errors import MeshError, quote
+from romdam.geometry.matrices.data import INTERNAL, Entries, MatrixUnknowns, meant, motion_of
 from romdam.geometry.matrices.frames import with_frames
 from romdam.geometry.meshes.formats.nastran import read_grid_points
 
-_LETTER = {"stiffness": "K", "mass": "M", "damping": "B"}
 _DAMAGE = (  # that pyYeti raises of a file that is not what its ending says
     ValueError, KeyError, IndexError, TypeError, AttributeError, RuntimeError, EOFError, OSError,
     OverflowError, MemoryError, StopIteration, struct.error,
@@ -48,19 +47,7 @@ def read_nastran(path: Path, key: str, location: str) -> Entries:
             matrices = pyyeti.bulk.rddmig(str(path), square=True)
     except _DAMAGE as error:
         raise MeshError(f"{location}: cannot be read ({quote(str(error))}); write it anew") from error
-    letter = _LETTER.get(key, "")
-    fitting = [
-        name
-        for name in matrices
-        if name.upper() == key.upper() or (letter and (len(matrices) == 1 or name.upper().startswith(letter)))
-    ]
-    if len(fitting) != 1:
-        what = f"begin with {letter}" if letter else f"are {quote(key)}"
-        raise MeshError(
-            f"{location}: has the matrices {listed(matrices)}, of which {len(fitting)} {what}, expected one; "
-            "give `names`, such as {stiffness: KXX}"
-        )
-    matrix = matrices[fitting[0]]
+    matrix = matrices[meant(matrices, key, location)]
     if not hasattr(matrix, "index"):
         entries = coo_array(matrix)
         if entries.shape[0] != entries.shape[1]:

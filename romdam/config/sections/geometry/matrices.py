@@ -15,7 +15,7 @@ UnitSystem = Literal["m-kg-s", "mm-t-s", "mm-kg-ms", "mm-kg-s", "in-lbf-s", "ft-
 
 
 class MatrixNames(Model):
-    """Names of matrices and vectors in files that hold several (.op4, .pch, .h5)."""
+    """Names of matrices and vectors in files that hold several (.op4, .pch, .mat, .h5)."""
 
     stiffness: str = ""
     """K, such as KXX of Nastran's EXTSEOUT; the only one, or only one K..., where it is left out."""
@@ -32,8 +32,9 @@ class MatrixNames(Model):
 class MatricesConfig(Model):
     """K and M of a block that are read, not assembled; its mesh is where its faces and nodes are.
 
-    Files are Matrix Market or Abaqus text (.mtx), CalculiX's (.sti, .mas, .dof), Nastran's (.op4, and .pch
-    with DMIG), and HDF5 (.h5), in which every key reads what has its name.
+    Files are Matrix Market (.mtx, ANSYS' .mmf) or Abaqus text (.mtx), CalculiX's (.sti, .mas, .dof),
+    Nastran's (.op4, and .pch with DMIG), MATLAB's (.mat), and HDF5 (.h5), in which every key reads what has
+    its name.
     """
 
     stiffness: Path
