@@ -19,7 +19,7 @@ from decks import OPENSEES, boxes, built, full_order, ran, written
 from scipy.sparse import block_diag, csr_matrix
 
 from romdam.core.system import System
-from romdam.export.deck import Deck, Motion
+from romdam.export.deck import Deck, DeckMotion
 from romdam.export.opensees import write_opensees
 from romdam.timestepping.integrators.generalized_alpha import GeneralizedAlpha
 from romdam.timestepping.prepared import Prepared
@@ -142,7 +142,7 @@ def differences(pair: tuple[str, ...], folder: Path) -> tuple[float, float]:
 def differences_at(step: float, pair: tuple[str, ...], folder: Path) -> tuple[float, float]:
     """The same at one step of the deck; romdam's is an eighth of it."""
     raw, components = job(pair)
-    motion = Motion("r", ground(step, components), step, round(ROW / step))
+    motion = DeckMotion("r", ground(step, components), step, round(ROW / step))
     deck = replace(built(raw, step, static=True)[1], motion=motion)
     ran([str(OPENSEES), "deck.py"], written(write_opensees(deck)[0], folder))
     openings, forces = (
