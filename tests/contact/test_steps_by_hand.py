@@ -369,3 +369,17 @@ def test_a_single_contact_keeps_its_laws():
                 assert shear[a] == pytest.approx(-np.sign(moved[a]) * limit[a], abs=1e-8)
         kinds.add((case % 2, bool(p[0] > 1e-12), bool((np.abs(moved) > 1e-9).any())))
     assert len(kinds) >= 6
+
+
+def test_jumps_of_an_opening_gap_that_closed_ones_hold_back():
+    """W = [[4, 2, 1], [2, 8, 0], [1, 0, 5]]: pulled with 1 gap 0 moves by 4, less 4/8 where gap 1 is closed.
+
+    Gap 2 is open and holds nothing back.
+    """
+    W = np.array([[4.0, 2.0, 1.0], [2.0, 8.0, 0.0], [1.0, 0.0, 5.0]])
+    memory = SimpleNamespace(
+        force=np.array([-1.0, 3.0, 0.0]), limits=SimpleNamespace(tension=np.zeros(3)), step=np.zeros((3, 8))
+    )
+    corrected, A = np.array([[True], [False], [False]]), np.array([[4.0]])
+    softening._answer_of_others.py_func(W, memory, 1, np.array([0]), np.array([[-1.0]]), corrected, A)
+    assert A.item() == pytest.approx(3.5, rel=1e-9)

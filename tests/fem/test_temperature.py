@@ -1,5 +1,7 @@
 """Temperature fields against closed forms: bending, restraint, Timoshenko's ring, a slab."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -12,7 +14,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import static_force
 from romdam.fem.sections import initial_section_forces, section_operators
-from romdam.fem.stress import stress_operators, thermal_stress
+from romdam.fem.stress import _recovered, stress_operators, thermal_stress
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
@@ -422,3 +424,36 @@ def test_cooled_cantilevers_open_their_joint(tmp_path, weight):
     ):
         _, gaps = static_equilibrium(system, 1e-10)
         np.testing.assert_allclose(gaps.jump[:, 0], expected, rtol=1e-8)
+
+
+def test_a_curved_temperature_is_carried_to_the_nodes_as_stress_is():
+    """x^2 over -1 to 1 is 1/3 at the Gauss points of a hex20, and so at all of its nodes; x is itself."""
+    scene = build_scene(
+        parse_config(
+            {
+                "materials": {"c": {"E": 30e9, "nu": 0.2, "rho": 2400.0}},
+                "blocks": {
+                    "a": {
+                        "material": "c",
+                        "box": {
+                            "origin": [-1, 0, 0],
+                            "size": [2, 3, 4],
+                            "element_size": [2, 3, 4],
+                            "element": "hex20",
+                        },
+                    }
+                },
+                "supports": [{"block": "a", "face": "zmin"}],
+                "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+                "model": {"order": "full"},
+                "transient": {"finest_step": 0.01},
+            },
+            "s.yaml",
+        ),
+        Path(),
+        "s.yaml",
+    )
+    block = scene.blocks["a"]
+    x = block.points[:, 0]
+    np.testing.assert_allclose(_recovered(block, x**2), 1 / 3, atol=1e-12)
+    np.testing.assert_allclose(_recovered(block, x), x, atol=1e-12)

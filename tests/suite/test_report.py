@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, re
 from romdam.visual.report.joint_map import opening_map, outline_of, plane_of
 from romdam.visual.report.page import page
 from romdam.visual.report.parts import PageCell, PageSection, PageTable, Report, number
+from romdam.visual.report.statistics import responses_section
 from romdam.visual.report.subject import Subject, Topic
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
@@ -393,3 +395,17 @@ def test_map_ends_at_the_joints_rim_and_follows_a_hollow():
     assert rim.contains_point((2.0, 9.0)) and rim.contains_point((9.0, 2.0))
     assert not rim.contains_point((6.0, 6.0)) and not rim.contains_point((10.3, 1.0))
     assert outline_of(np.arange(4.0), np.zeros(4), np.full(4, 0.5)) is None
+
+
+def test_the_extreme_of_what_is_negative_throughout_is_its_least():
+    """-3, -1, -2 MPa have -3 as their extreme, 2, -1, 5 mm have 5."""
+    runs, opening = ("record", "scale", "sample"), np.array([2e-3, -1e-3, 5e-3])[:, None, None]
+    stress = -1e6 * np.array([3.0, 1.0, 2.0])[:, None, None]
+    population = summary_of(
+        opening, np.ones((3, 1)), stress=(runs, stress, {"units": "Pa", "long_name": "stress"})
+    )
+    (table,) = (
+        p for p in responses_section(SimpleNamespace(population=population)).parts if isinstance(p, PageTable)
+    )
+    extremes = {row[0]: (row[2], row[6]) for row in table.rows}
+    assert extremes["stress"] == ("MPa", -3.0) and extremes["peak opening"] == ("mm", 5.0)
