@@ -212,4 +212,111 @@ MORE_FAULTS: list[Fault] = [
             "return replace(noted, before=count, after=count)",
         ),
     ),
+    *faults_in(
+        "contact/softening.py",
+        ("tests/contact/test_steps_by_hand.py", "-k", "hold_back"),
+        ("A -= across.T @ np.linalg.solve(inner, across)", "A += across.T @ np.linalg.solve(inner, across)"),
+    ),
+    *faults_in(
+        "contact/solvers/newton.py",
+        ("tests/contact/test_gap_solver.py", "-k", "farthest"),
+        (
+            "        if change > worst:\n            worst, at = change, i",
+            "        if change < worst or i == 0:\n            worst, at = change, i",
+        ),
+    ),
+    *faults_in(
+        "contact/solvers/newton.py",
+        ("tests/contact/test_gap_solver.py", "-k", "slides_on"),
+        (
+            "columns[m, SHEAR_K] = limits.mu[i, ALONG_K] * heading[i, ALONG_K]",
+            "columns[m, SHEAR_K] = limits.mu[i, ALONG_J] * heading[i, ALONG_K]",
+        ),
+        ("heading[i, ALONG_K] = math.copysign(1.0, x_k)", "heading[i, ALONG_K] = math.copysign(1.0, x_j)"),
+    ),
+    *faults_in(
+        "effects/damping.py",
+        ("tests/fem/test_damping_of_rigid_motion.py", "-k", "brings_is_all"),
+        (
+            "braked = braked - matrix.T @ (block.matrices.M @ (matrix @ mesh.rigid))",
+            "braked = braked + matrix.T @ (block.matrices.M @ (matrix @ mesh.rigid))",
+        ),
+    ),
+    *faults_in(
+        "effects/static_loads.py",
+        ("tests/reduction/test_static_loads.py", "-k", "every_kind_of_load"),
+        ("for kind in acting[1:]]", "for kind in acting[2:]]"),
+    ),
+    *faults_in(
+        "error/replay.py",
+        ("tests/reduction/test_defect.py", "-k", "near_resonance"),
+        ("constant - load @ (a_0 + _GAMMA * (a_1 - a_0))", "constant - load @ a_0"),
+    ),
+    *faults_in(
+        "error/replay.py",
+        ("tests/reduction/test_defect.py", "-k", "finer_model"),
+        ("_more_at_points(models[2].system, z)", "_more_at_points(models[1].system, q)"),
+    ),
+    *faults_in(
+        "export/deck.py",
+        ("tests/export/test_build.py", "-k", "three_masses"),
+        ("yield point, float(mass[k]), axes[:, k]", "yield point, float(mass[k]), axes[k]"),
+    ),
+    *faults_in(
+        "fem/column.py",
+        ("tests/fem/test_free_field.py", "-k", "fine_columns"),
+        ("inertia = omega**2 - 1j * alpha * omega", "inertia = omega**2 + 1j * alpha * omega"),
+    ),
+    *faults_in(
+        "fem/column.py",
+        ("tests/fem/test_free_field.py", "-k", "strains_below"),
+        (
+            "gradient = _lagrange(field.order, s)[1] * (z <= field.levels[0])[:, None]",
+            "gradient = _lagrange(field.order, s)[1]",
+        ),
+    ),
+    *faults_in(
+        "fem/stress.py",
+        ("tests/fem/test_temperature.py", "-k", "curved_temperature"),
+        (
+            "np.add.at(total, cells, values[cells] @ element.shape(xi).T @ carry.T)",
+            "np.add.at(total, cells, values[cells])",
+        ),
+    ),
+    *faults_in(
+        "postprocess/dependence.py",
+        ("tests/suite/test_analysis.py", "-k", "effect_of_a_sample"),
+        ("y = y - np.nanmean(y, axis=0)", "y = y - np.nanmean(y)"),
+    ),
+    *faults_in(
+        "postprocess/fragility.py",
+        ("tests/suite/test_analysis.py", "-k", "of_a_threshold"),
+        ("above.append(curve.intensity[-1])", "above.append(curve.intensity[0])"),
+    ),
+    *faults_in(
+        "postprocess/fragility.py",
+        ("tests/suite/test_analysis.py", "-k", "groups_of_runs"),
+        ("np.exp(np.log(x[i]).mean())", "x[i].mean()"),
+    ),
+    *faults_in(
+        "records/processing/response.py",
+        ("tests/records/test_responses.py", "-k", "last_sample"),
+        ("moving[-1] * ramp[::-1]", "moving[-1] * ramp"),
+        ("acc = acc + mean / first", "acc = acc + mean * first"),
+    ),
+    *faults_in(
+        "scene/joint_water/cracked_base.py",
+        ("tests/fem/test_cracked_base.py", "-k", "tip_between"),
+        ("overlap = opening[last] if rigid[after]", "overlap = opening[last] if rigid[last]"),
+    ),
+    *faults_in(
+        "scene/temperature.py",
+        ("tests/fem/test_temperature.py", "-k", "conducts_at_once"),
+        ("once = k in (0, 6)", "once = k == 0"),
+    ),
+    *faults_in(
+        "visual/report/statistics.py",
+        ("tests/suite/test_report.py", "-k", "negative_throughout"),
+        ("worst = finite.min() if finite.max() <= 0.0 else finite.max()", "worst = finite.max()"),
+    ),
 ]
