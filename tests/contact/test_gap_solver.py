@@ -14,7 +14,7 @@ from romdam.contact.cone import project_shear
 from romdam.contact.problem import gap_memory, gap_problem
 from romdam.contact.solvers import continuation
 from romdam.contact.solvers import gauss_seidel as frictional
-from romdam.contact.solvers.newton import worst_gap
+from romdam.contact.solvers.newton import natural_residuals, worst_gap
 from romdam.contact.solvers.single_contact import solve_gap
 from romdam.contact.step import commit_gaps, solve_gaps
 from romdam.core.errors import ConfigError
@@ -351,6 +351,16 @@ def test_one_iteration_of_newton_solves_what_slides_on(mu, signs):
     assert continuation.newton(W, memory.limits, memory, y_free, y, TOLERANCE) <= TOLERANCE
     np.testing.assert_allclose(memory.force, force_of(5000.0), rtol=1e-9)
     assert memory.solver.sweeps.counts.iterations == 1
+
+
+def test_a_force_is_off_relative_to_what_would_close_a_gap():
+    """10 N are to gain 1: a tenth of the largest force, 1/5000 of the 5 kN that close a gap of 1 mm."""
+    law = GapLaw(np.full(2, np.inf), np.zeros(2), np.zeros(2), np.full((2, 2), 0.5), np.zeros(2), {})
+    problem = gap_problem(2e-7 * np.eye(6), law)
+    p, y = np.zeros(6), np.zeros(6)
+    p[0], y[0], y[3] = 10.0, -2e-7, 1e-3
+    found = natural_residuals(problem.W, gap_memory(problem).limits, p, y)
+    assert found == pytest.approx((1 / 5000, 1 / 10), rel=1e-12)
 
 
 def test_the_gap_that_is_named_is_the_one_farthest_from_its_law():

@@ -459,7 +459,7 @@ def test_all_that_is_printed_of_a_job_is_one_set_of_numbers(kind, tmp_path, requ
     )
     results = [path for path in results if "record" in xr.open_dataset(path, engine="h5netcdf").attrs]
     assert len(results) == {"a sequence": 2, "a suite": 4}.get(kind, 1)
-    for path in results:
+    for path in results[::3] if kind == "a suite" else results:  # each record and each value once
         code, _, err = call("report", path, "--pdf", *(["--units", "us"] if us else []))
         assert code == 0, err
         code, information, err = call("info", path)

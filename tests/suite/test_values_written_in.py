@@ -253,10 +253,13 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 
 @pytest.mark.parametrize("path", RUNS)
 def test_a_suite_has_the_numbers_of_the_job_with_the_value(tmp_path, path):
-    (tmp_path / "rough.py").write_text(LAW)
     value, sections = RUNS[path]
+    law: dict[str, Any] = {"friction": 0.05}
+    if path.startswith(("joints", "damping")):  # a law of a file takes 0.7 s more to compile
+        (tmp_path / "rough.py").write_text(LAW)
+        law = {"law": "rough.Asperities", "asperities": USERS["asperities"]}
     job = {
-        "joints": {"gap": JOINT | {"law": "rough.Asperities", "asperities": USERS["asperities"]}},
+        "joints": {"gap": JOINT | law},
         "loads": JOBS["loads"]["loads"] | {"gravity": [0, 0, -9.7]},
         "materials": {"concrete": CONCRETE},
         "model": {"order": "reduced", "modes": "all"},
