@@ -210,9 +210,9 @@ def test_functions_of_laws_with_memory_are_read_from_the_cache(tmp_path):
     code = (
         "import logging, sys; logging.basicConfig(level=logging.INFO, stream=sys.stdout);"
         "from romdam.contact.laws.bond import Bond; from romdam.contact.laws.crack_water import CrackWater;"
-        "from romdam.contact.laws.compiled import compiled; made = compiled((Bond, CrackWater));"
-        "functions = [one._function for group in made for one in group[:2]];"
-        "print('hits', sum(sum(one.stats.cache_hits.values()) for one in functions))"
+        "from romdam.contact.laws.compiled import Functions, _compiled;"
+        "made = [_compiled(name, law) for name in Functions._fields for law in (Bond, CrackWater)];"
+        "print('hits', sum(sum(one._function.stats.cache_hits.values()) for one in made))"
     )
     said = [
         subprocess.run(

@@ -29,7 +29,7 @@ import numpy as np
 from romdam.contact.components import NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import shear_limits, slides
 from romdam.contact.laws.catalogue import source_of
-from romdam.contact.laws.compiled import FAILED, GAVE_UP
+from romdam.contact.laws.compiled import FAILED, GAVE_UP, call, call_limit, law_at
 from romdam.contact.laws.law import (
     COHESION_J,
     DT,
@@ -98,7 +98,7 @@ def put_limit(laws: Laws, history: Floats, i: int, step: Floats, limit: Floats) 
         limit[entry] = 0.0
     for k in range(len(laws.on)):
         if laws.on[k, i]:
-            outcome = laws.functions.limit[k](laws.parameters[k, i], history[k, i], step, limit)
+            outcome = call_limit(laws.functions.limit[k], laws.parameters[k, i], history[k, i], step, limit)
             if outcome == FAILED:
                 return k + 1
     return 0
@@ -173,7 +173,7 @@ def failed_law(laws: Laws | None, memory: GapMemory, gap: str) -> str:
     if laws is None or failure.law == 0:
         return ""
     k, i = int(failure.law) - 1, int(failure.gap)
-    law, name = laws.functions.limit[k].law, ("limit", "release", "commit")[int(failure.function)]
+    law, name = law_at(laws.functions.limit[k]), ("limit", "release", "commit")[int(failure.function)]
     parameters, trial = laws.parameters[k, i], memory.trial[k, i].copy()
     reason = "raises an exception, or gives NaN,"
     try:  # compiled functions lose the exception: call the function of the law again, in Python
@@ -257,7 +257,9 @@ def release(laws: Laws | None, memory: GapMemory) -> int:
         loses = False
         for k in range(len(laws.on)):
             if laws.on[k, i]:
-                outcome = laws.functions.release[k](laws.parameters[k, i], memory.trial[k, i], memory.step[i])
+                outcome = call(
+                    laws.functions.release[k], laws.parameters[k, i], memory.trial[k, i], memory.step[i]
+                )
                 loses = loses or outcome == GAVE_UP
                 if outcome == FAILED:
                     memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, RELEASE, i
@@ -512,7 +514,7 @@ def commit_laws(laws: Laws, memory: GapMemory, i: int, opening: float, state: in
             has_lost = has_lost or (laws.strength[k] and history[entry] != trial[entry])
             history[entry] = trial[entry]
         if laws.on[k, i]:
-            outcome = laws.functions.commit[k](laws.parameters[k, i], history, step)
+            outcome = call(laws.functions.commit[k], laws.parameters[k, i], history, step)
             if outcome == FAILED:
                 memory.failure.law, memory.failure.function, memory.failure.gap = k + 1, COMMIT, i
     return has_lost

@@ -7,6 +7,7 @@ import numpy as np
 from romdam.contact.components import NORMAL
 from romdam.contact.cone import shear_limit
 from romdam.contact.laws.catalogue import source_of
+from romdam.contact.laws.compiled import law_at
 from romdam.contact.laws.law import COHESION_J, ENTRIES, MU_J, NORMAL_FORCE, OPENING, STEP_ENTRIES, TENSION
 from romdam.contact.problem import Laws
 from romdam.contact.softening import put_limit
@@ -47,7 +48,7 @@ def shear_strength(
     compression = np.ascontiguousarray(force[..., NORMAL])
     failed = _fill(laws, memory, np.ascontiguousarray(opening), compression, strength, bonded)
     if failed > 0:
-        law = source_of(laws.functions.limit[failed - 1].law).name
+        law = source_of(law_at(laws.functions.limit[failed - 1])).name
         raise ConvergenceError(f"law {law}: its function limit raises an exception, or gives NaN")
     return strength, bonded
 

@@ -12,7 +12,7 @@ import yaml
 import romdam
 from romdam.config import load_config
 from romdam.contact.laws.catalogue import find_law
-from romdam.contact.laws.compiled import DONE, FAILED, compiled
+from romdam.contact.laws.compiled import DONE, FAILED, call_limit, compiled
 from romdam.core.errors import ConfigError, ConvergenceError
 from romdam.pipelines.run import run
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
@@ -54,11 +54,11 @@ ELSEWHERE = {
 PRINT = """
 import numba, numpy, sys
 from romdam.config import load_config
-from romdam.contact.laws.compiled import compiled
+from romdam.contact.laws.compiled import call_limit, compiled
 (law,) = load_config(sys.argv[1]).config.joints["contraction"].law
 limit = numpy.zeros(6)
 step = numpy.zeros(8)
-call = numba.njit(lambda f, a, b, c, d: f(a, b, c, d))
+call = numba.njit(lambda f, a, b, c, d: call_limit(f, a, b, c, d))
 call(compiled([law.law]).limit[0], numpy.ones(1), numpy.zeros(1), step, limit)
 print(limit[3])
 """
@@ -80,7 +80,7 @@ def of_now(path, name="limit"):
 
 def friction(path):
     limit = np.zeros(6)
-    call = numba.njit(lambda f, row, kept, step, limit: f(row, kept, step, limit))
+    call = numba.njit(lambda f, row, kept, step, limit: call_limit(f, row, kept, step, limit))
     assert call(of_now(path), np.ones(1), np.zeros(1), np.zeros(8), limit) == DONE
     return limit[3]
 

@@ -17,7 +17,7 @@ from romdam.config import load_config
 from romdam.config.parameters import find_varied_key, si_value
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import find_law
-from romdam.contact.laws.compiled import compiled
+from romdam.contact.laws.compiled import call, compiled
 from romdam.contact.laws.coulomb import Coulomb
 from romdam.contact.laws.law import MU_J, MU_K
 from romdam.contact.problem import gap_problem
@@ -233,7 +233,7 @@ def rate_after(path):
     law = find_law(next(iter(load_config(path).config.joints["contraction"].law)).source)
     commit = compiled([law]).commit[0]
     step = np.array([0.0, 0.0, 3e-3, 4e-3, 5.0, 1e-3, 0.0, 1.0])
-    kept, calls = np.zeros(2), numba.njit(lambda f, row, kept, step: f(row, kept, step))
+    kept, calls = np.zeros(2), numba.njit(lambda f, row, kept, step: call(f, row, kept, step))
     calls(commit, np.ones(3), kept, step)
     return kept[0]
 

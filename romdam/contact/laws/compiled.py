@@ -1,30 +1,31 @@
-"""The functions of laws as the step calls them: compiled once each, by pointer.
+"""The functions of laws as the step calls them: compiled once each, by address.
 
 All laws have the same signatures, so the time stepping is compiled once for scenes with such laws, whichever
-they are; a call through the pointer costs next to nothing. An exception does not pass a pointer: numba prints
+and how many they are; a call to the address costs next to nothing. Addresses are plain numbers: what numba
+asks of an object that is a function, at every call from Python, took ten times the rest of a step. An
+exception does not pass a pointer: numba prints
 it, and the caller goes on. So each function is called by one that says what came of it.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from functools import cache
 from types import FunctionType
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba import types
-from numba.core.errors import NumbaError, NumbaExperimentalFeatureWarning
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic
 
 from romdam.contact.laws.catalogue import source_of
 from romdam.contact.laws.law import Law
 from romdam.contact.laws.outside import closed
+from romdam.core.arrays import Ints
 from romdam.core.errors import ConfigError
 from romdam.core.jit import caching_by_content, njit
 
-MOST_LAWS = (
-    8  # of one scene, those that only give a spring aside: the length of the tuples is part of their type
-)
 # what came of a call: nothing to tell, something was given up, or an exception or NaN
 DONE, GAVE_UP, FAILED = range(3)
 _ROW, _CAME = types.Array(types.float64, 1, "C"), types.int64
@@ -37,63 +38,91 @@ _POINTED: dict[str, Any] = {"cache": True, "_nrt": False, "no_cfunc_wrapper": Fa
 
 
 class Functions(NamedTuple):
-    """The functions of a scene's laws, each tuple filled up to MOST_LAWS with functions that do nothing."""
+    """Addresses of the functions of a scene's L laws, (L,) each, see `call`; they hold in this process."""
 
-    limit: tuple[Any, ...]
-    release: tuple[Any, ...]
-    commit: tuple[Any, ...]
+    limit: Ints
+    release: Ints
+    commit: Ints
 
 
-class _Pointer(types.WrapperAddressProtocol):
-    """A compiled function of a law that others may call without knowing it."""
+class _Compiled:
+    """A compiled function of a law, which lives as long as the process, and its address."""
 
     def __init__(self, law: type[Law], function: Callable[..., Any], signature: Any) -> None:
-        self.law, self._function, self._signature = law, njit(**_POINTED)(function), signature
+        self._function = njit(**_POINTED)(function)
         self._function.compile(signature.args)
-        compiled = self._function.get_compile_result(signature)
-        self._address = compiled.library.get_pointer_to_function(compiled.fndesc.llvm_cfunc_wrapper_name)
-
-    def __wrapper_address__(self) -> int:
-        return int(self._address)
-
-    def signature(self) -> Any:
-        return self._signature
+        made = self._function.get_compile_result(signature)
+        self.address = int(made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name))
+        _LAWS[self.address] = law
 
 
-def compiled(laws: Sequence[type[Law]]) -> Functions:
+_LAWS: dict[int, type[Law]] = {}  # by the addresses of their functions
+
+
+def law_at(address: int) -> Any:
+    """The law one of whose functions is at an address."""
+    return _LAWS[int(address)]
+
+
+def compiled(laws: Sequence[Any]) -> Functions:
     """Compile the functions of some laws.
 
     Raises
     ------
     ConfigError
-        for more than MOST_LAWS, and for a function that cannot be compiled.
+        for a function that cannot be compiled.
     """
-    if len(laws) > MOST_LAWS:
-        raise ConfigError(
-            f"joints: {len(laws)} laws in one scene, limit {MOST_LAWS}; unite some in one class of your own"
+    return Functions(
+        *(
+            np.array([_compiled(name, law).address for law in laws], dtype=np.int64)
+            for name in Functions._fields
         )
-    # said of every tuple of functions; what of them is used here works in all versions that are allowed
-    warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning, module="numba.core.utils")
-    filled = [*laws, *[Law] * (MOST_LAWS - len(laws))]
-    return Functions(*(tuple(_pointer(name, law) for law in filled) for name in Functions._fields))
+    )
+
+
+def _calling(address: Any, rows: tuple[Any, ...]) -> Any:
+    """Signature and code of a call to an address with rows of numbers."""
+    if any(not isinstance(row, types.Array) or row.ndim != 1 or row.layout != "C" for row in rows):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        function = types.FunctionType(_CAME(*[_ROW] * len(rows))).ftype
+        return builder.call(builder.inttoptr(arguments[0], context.get_value_type(function)), arguments[1:])
+
+    return _CAME(address, *rows), generate
+
+
+def _limit_call(typing: Any, address: Any, parameters: Any, memory: Any, step: Any, limit: Any) -> Any:
+    """Call a function `limit` at an address: what came of it."""
+    return _calling(address, (parameters, memory, step, limit))
+
+
+def _call(typing: Any, address: Any, parameters: Any, memory: Any, step: Any) -> Any:
+    """Call a function `release` or `commit` at an address: what came of it."""
+    return _calling(address, (parameters, memory, step))
+
+
+# in compiled functions: call_limit(address, parameters, memory, step, limit), call(address, ..., step)
+call_limit: Any = intrinsic(_limit_call)
+call: Any = intrinsic(_call)
 
 
 @cache
-def _pointer(name: str, law: Any) -> _Pointer:
-    function, source = getattr(law, name), source_of(law) if law is not Law else None
+def _compiled(name: str, law: Any) -> _Compiled:
+    function, source = getattr(law, name), source_of(law)
     if function is None:
-        return _Pointer(law, _NOTHING[name], _SIGNATURES[name])
+        return _Compiled(law, _NOTHING[name], _SIGNATURES[name])
     options: dict[str, Any] = {"_nrt": False}
     called = function
-    if source is not None and source.file:
+    if source.file:
         called, options = closed(function, source.file).function, options | {"boundscheck": True}
     try:
-        with caching_by_content("" if source is None else source.sha256):
+        with caching_by_content(source.sha256):
             names = {"law": njit(**options)(called), "GAVE_UP": GAVE_UP, "DONE": DONE, "FAILED": FAILED}
             names["__name__"] = __name__  # where numba looks for the globals of what it reads from its cache
             calling = FunctionType(_CALLING[name].__code__, names, name)
             calling.__qualname__ = f"{law.__qualname__}.{name}"  # by which numba knows what it keeps
-            return _Pointer(law, calling, _SIGNATURES[name])
+            return _Compiled(law, calling, _SIGNATURES[name])
     except NumbaError as error:
         reason = str(error).strip().splitlines()[-1]
         raise ConfigError(
