@@ -324,4 +324,12 @@ MORE_FAULTS: list[Fault] = [
         ("tests/contact/test_gap_solver.py", "-k", "would_close_a_gap"),
         ("opening = max(opening, abs(y[b]) / W[b, b])", "opening = max(opening, abs(y[b]))"),
     ),
+    *faults_in(
+        "contact/laws/fracture.py",
+        ("tests/contact/test_fracture.py", "-k", "widest_opening"),
+        (
+            "tension = (strength * grown + before * loaded) / (grown + loaded)",
+            "tension = (before * grown + strength * loaded) / (grown + loaded)",
+        ),
+    ),
 ]

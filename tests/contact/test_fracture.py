@@ -6,9 +6,9 @@ from scipy.integrate import quad
 from test_law_steps import OneGap
 
 from romdam.config import parse_config
-from romdam.contact.laws import Fracture
+from romdam.contact.laws import Fracture, law
 from romdam.contact.laws.catalogue import source_of
-from romdam.contact.laws.fracture import SHAPES, energy_share, strength_share
+from romdam.contact.laws.fracture import LINEAR, SHAPES, energy_share, strength_share
 from romdam.core.errors import ConfigError
 from romdam.core.system import OPEN, STICK, GapLaw, LawRows
 
@@ -211,3 +211,18 @@ def test_what_is_refused(normal_stiffness, other, fracture, words):
 def test_just_enough_energy_is_accepted():
     joint = {"normal_stiffness": "13.4 GPa/m", "fracture": TENSION}
     parse_config(two_blocks(joint), "two.yaml")
+
+
+def test_a_step_that_passes_the_widest_opening_has_the_mean_of_secant_and_curve():
+    """Damage 0.25 of a line of 100 N over 2 m, widest 0.5 m, from 0.2 to 1.1 m: 0.3 m at 75 N, 0.6 m at 60 N.
+
+    The crack's 0.6 m make a damage of 0.55, the mean of 75 and 45 N: (75 0.3 + 60 0.6) / 0.9 = 65 N. At rest
+    the force is that at the end, 45 N.
+    """
+    parameters = np.array([0.0, 100.0, 2.0, 0.0, 0.0, float(LINEAR)])
+    memory, step = np.array([0.25, 0.5, 0.2, 0.0, 0.0]), np.zeros(8)
+    step[law.OPENING] = 1.1
+    for dt, force in ((0.01, 65.0), (0.0, 45.0)):
+        step[law.DT], limit = dt, np.zeros(6)
+        Fracture.limit(parameters, memory, step, limit)
+        assert limit[law.TENSION] == pytest.approx(force, rel=1e-12)
