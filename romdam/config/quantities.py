@@ -17,6 +17,7 @@ from romdam.core.errors import quote
 if TYPE_CHECKING:
     import pint
 
+_STANDARD = 9.80665  # [m/s2]
 _LONGEST = 80  # characters of a quantity
 _NUMBER_AND_UNIT = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$", re.ASCII)
 _NAME = r"([A-Za-zµ°]+(\^?-?\d)?|%)"
@@ -244,6 +245,9 @@ def _parse(text: str, unit: str) -> float:
             remedy += "; an angle, or what turns in a second, is to be converted by hand"
         if not unit and roots == "radian" and (said := tangent(_parse(text, "degree"))):
             remedy = said
+        if unit == "kg/m^3" and roots == _roots(registry, "N/m^3"):  # as codes of practice tabulate it
+            mass = float(registry.Quantity(float(match[1]), unit_text).to("N/m^3").magnitude) / _STANDARD
+            remedy = f"that is a weight; write its mass, {mass:.0f} kg/m3 (by 9.80665 m/s2)"
         raise ValueError(f"{quote(text)} is not {what}; {remedy}")
     return float(registry.Quantity(float(match[1]), unit_text).to(unit).magnitude)
 

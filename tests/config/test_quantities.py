@@ -113,6 +113,12 @@ def _of_every_kind():
     ]
 
 
+@pytest.mark.parametrize(("text", "mass"), [("24 kN/m3", 2447), ("150 lbf/ft3", 2403)])
+def test_a_weight_of_a_material_is_refused_with_its_mass(text, mass):
+    with pytest.raises(ValueError, match=rf"a weight; write its mass, {mass} kg/m3"):
+        to_si(text, "kg/m^3")
+
+
 @pytest.mark.parametrize("number", [0.3, "0.3", 1, " 1e-1 "])
 @pytest.mark.parametrize("kind", range(8))
 def test_a_bare_acceleration_of_records_and_codes_is_refused(kind, number):
