@@ -408,9 +408,17 @@ def test_siblings_of_a_dam_are_coarser_in_one_more_direction_each(tmp_path):
     assert coarser_by_direction(load_config(arch_job(tmp_path, {}, element="hex8"))) == []
 
 
-def test_what_a_dam_states_by_direction_is_within_a_factor_of_two_of_the_truth(tmp_path):
-    """Three cantilevers of (3, 2, 8) against (6, 4, 12); `romdam verify` states the same as the run."""
-    path = arch_job(tmp_path, {"along": 3, "through": 2, "up": 8})
+@pytest.mark.parametrize(
+    ("own", "halved"),
+    [((3, 2, 8), (6, 4, 16)), pytest.param((3, 3, 9), (6, 6, 18), marks=pytest.mark.slow)],
+)
+def test_what_a_dam_states_by_direction_is_within_a_factor_of_two_of_the_truth(own, halved, tmp_path):
+    """Three cantilevers, the truth of elements of half the size; `romdam verify` states the same as the run.
+
+    Of (3, 3, 9) two thirds are compared: 1.5 times the truth is stated in L2, 1.2 times at the peak.
+    """
+    own, halved = (dict(zip(("along", "through", "up"), each, strict=True)) for each in (own, halved))
+    path = arch_job(tmp_path, own)
     code, _, err = call("run", path, "--out", tmp_path / "run", "--quiet")
     assert code == 0, err
     document = json.loads(attributes_of(tmp_path / "run" / "pulse.nc")["discretisation"])
@@ -421,7 +429,7 @@ def test_what_a_dam_states_by_direction_is_within_a_factor_of_two_of_the_truth(t
     # the run's basis is made together with the finer one of its estimate
     assert verified["error"]["opening"]["l2"] == pytest.approx(document["error"]["opening"]["l2"], rel=1e-3)
     runs = []
-    for divisions in ({"along": 3, "through": 2, "up": 8}, {"along": 6, "through": 4, "up": 16}):
+    for divisions in (own, halved):
         job = load_config(arch_job(tmp_path, divisions))
         (motion,) = load_motions(job.config.records, job.folder)
         runs.append(run_on_mesh(job, motion, 2.0, Clock(silent), "run")[0])
