@@ -2,10 +2,12 @@
 
 Tried with openseespy 3.7.1.2. Frictionless gaps are zeroLength elements of an elastic multilinear material,
 those with friction zeroLengthContactASDimplex elements (implicit; zeroLengthContact3D knows normals along
-global axes only, flatSliderBearing nodes of six degrees of freedom). Rayleigh damping is set, and frequencies
-are solved for, before there are gaps, which have no damping, as in romdam. HHT with 0.9 damps what closing
-contacts send out, which Newmark's average acceleration keeps. TenNodeTetrahedron of this version integrates a
-sixth of its volume and prints its shape functions at every call, so it is not among the elements.
+global axes only, flatSliderBearing nodes of six degrees of freedom). That element takes the shear off a gap
+that opens only where it is open by less than 1e-6 of the unit of length, so the script counts in 1e6 m.
+Rayleigh damping is set, and frequencies are solved for, before there are gaps, which have no damping, as in
+romdam. HHT with 0.9 damps what closing contacts send out, which Newmark's average acceleration keeps.
+TenNodeTetrahedron of this version integrates a sixth of its volume and prints its shape functions at every
+call, so it is not among the elements.
 """
 
 from __future__ import annotations

@@ -98,8 +98,8 @@ def number_bodies(
     boxes = np.full((count, 2, 3), np.nan)
     for bound, extreme in enumerate((np.fmin, np.fmax)):
         extreme.at(boxes[:, bound], part, points[used % len(points)])
-    extent = float(np.nanmax(np.ptp(boxes.reshape(-1, 3), axis=0), initial=np.finfo(float).tiny))
-    level = np.round(boxes.mean(axis=1) / (_SAME * extent))
+    extent = float(np.nanmax(np.ptp(boxes.reshape(-1, 3), axis=0), initial=0.0))
+    level = np.round(boxes.mean(axis=1) / (_SAME * extent if extent > 0.0 else 1.0))
     order = np.lexsort((level[:, 2], level[:, 1], level[:, 0]))
     number = np.empty(count, np.int64)
     number[order] = np.arange(1, count + 1)
