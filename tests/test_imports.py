@@ -174,6 +174,19 @@ def test_what_is_computed_opens_no_file():
     assert not wrong, "what reads or writes files stands in `results`"
 
 
+def test_every_command_takes_jobs_with_what_is_looked_up_in_meshes():
+    """`romdam.pipelines.jobs` alone reads a configuration for what runs it; `records` needs no meshes."""
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for room, path in modules()
+        for node in nodes(path)
+        if room in ("pipelines", "commands", "benchmarks", "terminal", "error") and path.name != "jobs.py"
+        if isinstance(node, ast.ImportFrom) and node.module == "romdam.config.load"
+        if any(name.name == "load_config" for name in node.names)
+    ]
+    assert not wrong, "take load_config of romdam.pipelines.jobs"
+
+
 def test_rule_would_catch_a_step_back():
     assert breaks_rule("timestepping", "romdam.results.dataset")
     assert breaks_rule("contact", "romdam.timestepping.simulate")

@@ -169,12 +169,24 @@ def line_named(job: Job, message: str) -> str:
     What a dam of a few keys or a cut makes has the line of the section that makes it.
     """
     key, written = key_at(message)
+    key = _with_whole_name(job.config, key, written)
     if not key or key[0] not in Config.model_fields or job.given is not None or not job.file.is_file():
         return ""
     dotted = written.replace("[", ".").replace("]", "")
     changed = [at for name, at in job.replaced.items() if f"{dotted}.".startswith(f"{name}.")]
     line = line_of(job.file, next(iter(changed), _written_at(job.config, key)), missing=0)
     return f"{job.path}:{line}: " if line else ""
+
+
+def _with_whole_name(config: Config, key: Location, written: str) -> Location:
+    """The key with the name of a joint or block, which may have points, as one word."""
+    group = str(key[0]) if key else ""
+    names = {"joints": config.every_joint, "blocks": config.block_names}.get(group, ())
+    for name in sorted(names, key=len, reverse=True):
+        rest = f"{written}.".removeprefix(f"{group}.{name}.")
+        if rest != f"{written}." and "." in name:
+            return group, name, *(word for word in rest.split(".") if word)
+    return key
 
 
 def _written_at(config: Config, key: Location) -> Location:
@@ -193,6 +205,9 @@ def _written_at(config: Config, key: Location) -> Location:
         whole = next((cut for cut, section in config.cut.items() if name in section.into), None)
         if whole is not None:
             return "cut", whole, "into"
+        section = next((section for section in config.blocks if name in config.made_of(section)), None)
+        if section is not None:
+            return "blocks", section, *rest[1:]
         if config.dam:
             return (dam, "rock") if str(name).startswith("rock_") else (dam,)
     if group == "ties" and name not in config.ties and config.dam:

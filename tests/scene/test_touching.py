@@ -235,3 +235,14 @@ def test_elements_of_another_order_are_another_body(tmp_path):
     assert checked.joints["m.1-m.2"]["area"] == pytest.approx(1.0, rel=1e-12)
     raw |= {"joints": {}, "ties": {"t": {"between": ["m.1", "m.2"]}}}
     assert romdam.check(raw).ties["t"]["between"] == "m.1 - m.2"
+
+
+def test_messages_on_what_is_found_name_the_line_that_it_is_found_by(tmp_path):
+    raw = of_auto(tmp_path)
+    raw["joints"]["touching"]["normal"] = [-1, 0, 0]
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw, sort_keys=False))
+    lines = (tmp_path / "job.yaml").read_text().splitlines()
+    code, _, err = call("check", tmp_path / "job.yaml")
+    assert code == 2 and "joints.all.1-all.2.normal must point from block 'all.1' to 'all.2'" in err
+    line = next(k for k, text in enumerate(lines, 1) if text.strip().startswith("normal:"))
+    assert f"job.yaml:{line}: " in err
