@@ -332,4 +332,14 @@ MORE_FAULTS: list[Fault] = [
             "tension = (before * grown + strength * loaded) / (grown + loaded)",
         ),
     ),
+    *faults_in(
+        "contact/step.py",
+        ("tests/contact/test_steps_by_hand.py", "-k", "dashpot_takes"),
+        ("if has_lost or laws.dashpot_share[i] > 0.0:", "if has_lost:"),
+    ),
+    *faults_in(
+        "timestepping/modal/loop.py",
+        ("tests/timestepping/test_modal_kernels_by_hand.py", "-k", "act_at_once"),
+        ("disp += buffer.by_forces[a, b] * s[b]", "disp -= buffer.by_forces[a, b] * s[b]"),
+    ),
 ]

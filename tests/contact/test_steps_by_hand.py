@@ -168,6 +168,36 @@ def test_what_laws_take_in_a_step(monkeypatch):
     assert gaps.water == pytest.approx([0.0, 5.0])
 
 
+def test_what_a_dashpot_takes_in_a_step_is_work_that_no_spring_stores(monkeypatch):
+    """K 100 N/m with a dashpot of 300 N/m over the step, pressed from 0.1 to 0.2 m: 50 N, 5 J of work.
+
+    The spring stores 0.5 J and then 2 J: 3.5 J are gone, though nothing is lost of any strength.
+    """
+    jump, force = np.array([[-0.1]]), np.array([[10.0]])
+    gaps = SimpleNamespace(
+        jump=jump, traction=force, state=np.array([STICK]), dissipated_energy=np.zeros(1), water=np.zeros(1)
+    )
+    problem = SimpleNamespace(gap=np.zeros(1), tension=np.zeros(1), compliance=np.array([0.25 / 100.0]))
+    limits = SimpleNamespace(tension=np.zeros(1))
+    memory = SimpleNamespace(
+        force=np.full(1, 50.0), spring=np.full(1, -0.1), water=np.zeros(1), limits=limits
+    )
+
+    def move(problem, memory, y, gaps):
+        assert y[0] == pytest.approx(0.75 * -0.1)
+        gaps.jump[0, 0], gaps.traction[0, 0] = -0.2, 50.0
+        return 0.0, 0.0
+
+    monkeypatch.setattr(step, "_move", move)
+    monkeypatch.setattr(step, "law_energies", lambda *_: (0.0, 0.0))
+    monkeypatch.setattr(step, "commit_laws", lambda *_: False)
+    monkeypatch.setattr(step, "_energies", step._energies.py_func)
+    laws = SimpleNamespace(dashpot_share=np.array([0.75]))
+    stored, lost, fed = step._commit_with_laws.py_func(laws, problem, memory, np.zeros(1), gaps)
+    assert (stored, lost, fed) == pytest.approx((2.0, 3.5, 0.0))
+    assert gaps.dissipated_energy == pytest.approx([3.5])
+
+
 def one_gap(**more):
     return SimpleNamespace(
         force=np.array([3.0, 1.0, -2.0]),

@@ -158,6 +158,18 @@ def test_a_step_within_a_base_step_has_its_share_of_the_added_jumps(monkeypatch)
     assert found[0] == pytest.approx([10 + 2.25, 20 + 0.5, 30 - 1.0])
 
 
+def test_nodes_move_by_states_and_by_the_forces_that_act_at_once():
+    """(2, -1) . (3, 5) + (0.5, 4) . (7, -0.25) = 1 + 2.5, and (0, 1) . (3, 5) + (-2, 8) . (7, -0.25) = -11."""
+    recorded = SimpleNamespace(q=np.array([3.0, 5.0]), s=np.array([7.0, -0.25]))
+    buffer = SimpleNamespace(
+        by_states=np.array([[2.0, -1.0], [0.0, 1.0]]),
+        by_forces=np.array([[0.5, 4.0], [-2.0, 8.0]]),
+        node_disp=np.zeros((3, 2)),
+    )
+    loop._keep_nodes.py_func(recorded, buffer, 1)
+    np.testing.assert_allclose(buffer.node_disp, [[0.0, 0.0], [3.5, -11.0], [0.0, 0.0]])
+
+
 def test_works_of_a_step_are_those_of_its_motion():
     """Unlike modes under a load from f to f_1 and a constant joint force, against another integration."""
     omega, xi, h = np.array([0.0, 9.0, 40.0]), np.array([0.0, 0.07, 1.3]), 0.05
