@@ -159,7 +159,7 @@ def test_a_step_within_a_base_step_has_its_share_of_the_added_jumps(monkeypatch)
 
 
 def test_nodes_move_by_states_and_by_the_forces_that_act_at_once():
-    """(2, -1) . (3, 5) + (0.5, 4) . (7, -0.25) = 1 + 2.5, and (0, 1) . (3, 5) + (-2, 8) . (7, -0.25) = -11."""
+    """(2, -1) (3, 5) + (0.5, 4) (7, -0.25) = 1 + 2.5, and (0, 1) (3, 5) + (-2, 8) (7, -0.25) = -11."""
     recorded = SimpleNamespace(q=np.array([3.0, 5.0]), s=np.array([7.0, -0.25]))
     buffer = SimpleNamespace(
         by_states=np.array([[2.0, -1.0], [0.0, 1.0]]),
