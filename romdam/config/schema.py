@@ -18,6 +18,7 @@ from romdam.config.base import Model
 from romdam.config.job import Config
 from romdam.config.quantities import needs_unit, spelt, unit_of
 from romdam.config.sections.joint_laws import both
+from romdam.config.sections.joints import TOUCHING, unlike_pairs
 from romdam.config.sections.motions.correction import CHAINS, bare_step, named_chain
 from romdam.config.texts import meaning, model_docstring
 
@@ -39,6 +40,12 @@ class _Generator(GenerateJsonSchema):
         generated = super().function_before_schema(schema)
         function = schema["function"]["function"]
         unit = unit_of(function)
+        if function is unlike_pairs:  # one name stands for other keys
+            either = generated["additionalProperties"]["oneOf"]
+            return generated | {
+                "properties": {TOUCHING: {"anyOf": either}},
+                "additionalProperties": either[0],
+            }
         if unit is None:
             return (
                 {"anyOf": [*_SHORT_FORMS[function](generated), generated]}

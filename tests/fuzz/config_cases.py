@@ -458,8 +458,21 @@ def _along(**along: Any) -> dict[str, Any]:
     }
 
 
+def _touching() -> dict[str, Any]:
+    """The joints between all blocks that touch."""
+    raw = {key: copy.deepcopy(_TWO[key]) for key in ("materials", "blocks", "supports", "records")}
+    pairs = {"left-right": ["left", "right"]}
+    return raw | {
+        "joints": {"touching": {"pairs": pairs, "normal_stiffness": "16 GPa/m"}},
+        "model": {"modes": 2},
+        "transient": {"finest_step": 0.01},
+        "outputs": {"plots": False},
+    }
+
+
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
+    "touching": _touching(),
     "arch": _arch(),
     "gravity": _gravity(),
     "suite": _suite(),

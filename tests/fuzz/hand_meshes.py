@@ -166,7 +166,7 @@ HAND = {
     "mid-edge nodes left out": (
         "a.bdf",
         bdf(grids(SLAB), "CHEXA,1,1,1,2,4,3,5,6\n,8,7,,2,3"),
-        "expected 8 or 20",
+        "names a node twice",
     ),
     "misspelt": (
         "a.bdf",

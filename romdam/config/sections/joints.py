@@ -213,7 +213,7 @@ class TouchingConfig(JointProperties):
 TOUCHING = "touching"  # among `joints`: the joints of all that touches
 
 
-def _unlike_pairs(joints: Any) -> Any:
+def unlike_pairs(joints: Any) -> Any:
     """What stands in `joints`, with the section `touching` marked as that of all that touches."""
     if not isinstance(joints, dict):
         return joints
@@ -239,7 +239,7 @@ JointSections = Annotated[
             Discriminator(_kind_of_joint),
         ],
     ],
-    BeforeValidator(_unlike_pairs),
+    BeforeValidator(unlike_pairs),
 ]
 
 

@@ -30,7 +30,8 @@ def without_interfaces(file: MeshFile) -> MeshFile:
         and cells.kind in ELEMENT_OF_CELL
         and (thin_rows := _flat(file.points, cells.nodes[:, : ELEMENT_OF_CELL[cells.kind].corners])).any()
     }
-    if not flat:
+    solids = sum(len(cells.ids) for cells in file.cells if cells.dim == 3)
+    if sum(int(rows.sum()) for rows in flat.values()) in (0, solids):  # a flat mesh has no joints
         return file
     cells, kept = list(file.cells), {}
     for k, rows in flat.items():
