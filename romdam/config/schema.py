@@ -42,8 +42,9 @@ class _Generator(GenerateJsonSchema):
         unit = unit_of(function)
         if function is unlike_pairs:  # one name stands for other keys
             either = generated["additionalProperties"]["oneOf"]
+            said = {"default": None, "description": "All joints between blocks that touch."}
             return generated | {
-                "properties": {TOUCHING: {"anyOf": either}},
+                "properties": {TOUCHING: {"anyOf": either} | said},
                 "additionalProperties": either[0],
             }
         if unit is None:
