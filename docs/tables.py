@@ -239,11 +239,11 @@ def mappings() -> list[tuple[Node, list[str]]]:
             known = id(node) in found
             found.setdefault(id(node), (node, []))[1].append(path)
             keys = {} if known else node["properties"]
+            if isinstance(node.get("additionalProperties"), dict):
+                visit(node["additionalProperties"], f"{path}.<name>")
             # motions of supports last: most of their keys are those of `records`
             for name, key in sorted(keys.items(), key=lambda item: item[0] in ("ground", "supports")):
                 visit(key, f"{path}.{name}" if path else name)
-            if isinstance(node.get("additionalProperties"), dict):
-                visit(node["additionalProperties"], f"{path}.<name>")
             return
         for inner, many in _inner(node):
             visit(inner, path + many)
