@@ -95,6 +95,17 @@ def test_files_written_by_gmsh(element, ending):
     assert "crest" not in base and "22" not in base
 
 
+def test_bytes_of_gmsh_end_without_a_new_line(tmp_path):
+    """Gmsh reads such files, and other programs write them."""
+    data = (DATA / "hex8_22_binary.msh").read_bytes()
+    assert data.count(b"\n$End") == 4
+    for section in (b"MeshFormat", b"Nodes", b"Elements"):
+        data = data.replace(b"\n$End" + section, b"$End" + section)
+    (tmp_path / "m.msh").write_bytes(data)
+    block, same = read("m.msh", tmp_path), read("hex8_22_binary.msh")
+    assert np.array_equal(block.points, same.points) and np.array_equal(block.cells, same.cells)
+
+
 def test_gmsh_groups_by_number_and_name_are_one():
     by_name, by_number = read("hex8.msh", group="upper"), read("hex8.msh", group=12)
     assert np.array_equal(by_name.cells, by_number.cells)

@@ -195,9 +195,13 @@ def test_med_elements_that_are_inside_out_are_turned(tmp_path):
     )
 
 
+@pytest.mark.parametrize("facets", ["apart", "families apart"])
 @pytest.mark.parametrize("name", EVERY)
-def test_med_of_version_2(name, tmp_path):
-    """It has no time steps, its families in the mesh, facets apart, and the dimension of space as DIM."""
+def test_med_of_version_2(name, facets, tmp_path):
+    """It has no time steps, its families in the mesh, facets apart, and the dimension of space as DIM.
+
+    Of facets the families alone may be apart, in FAC, and their nodes with the solids', in MAI.
+    """
     shutil.copy(DATA / f"{name}.med", tmp_path / "m.med")
     with h5py.File(tmp_path / "m.med", "r+") as file:
         ((label, mesh),) = file["ENS_MAA"].items()
@@ -209,6 +213,8 @@ def test_med_of_version_2(name, tmp_path):
         mesh.create_group("FAC")
         for kind in [kind for kind in mesh["MAI"] if kind.startswith(("TR", "QU"))]:
             mesh.move(f"MAI/{kind}", f"FAC/{kind}")
+            if facets == "families apart":
+                mesh.move(f"FAC/{kind}/NOD", f"MAI/{kind}/NOD")
         del mesh.attrs["ESP"]
         mesh.attrs["DIM"] = 3
     check(tmp_path / "m.med", name)
@@ -219,6 +225,18 @@ def test_med_of_several_meshes_one_of_which_is_of_space(tmp_path):
     with h5py.File(tmp_path / "m.med", "r+") as file:
         file.copy("ENS_MAA/hex8", "ENS_MAA/plan")
         file["ENS_MAA/plan"].attrs["ESP"] = 2
+    check(tmp_path / "m.med", "hex8")
+    assert "of its 2 meshes 'hex8' is read" in remarks_of("m.med", tmp_path)
+
+
+def test_med_of_several_meshes_one_of_which_has_solids(tmp_path):
+    """The others may be of an interface, in x, y and z, of facets alone."""
+    shutil.copy(DATA / "hex8.med", tmp_path / "m.med")
+    with h5py.File(tmp_path / "m.med", "r+") as file:
+        file.copy("ENS_MAA/hex8", "ENS_MAA/interface")
+        file.copy("FAS/hex8", "FAS/interface")
+        (step,) = file["ENS_MAA/interface"].values()
+        del step["MAI/HE8"]
     check(tmp_path / "m.med", "hex8")
     assert "of its 2 meshes 'hex8' is read" in remarks_of("m.med", tmp_path)
 

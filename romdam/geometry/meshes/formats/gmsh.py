@@ -245,7 +245,7 @@ def _sections(data: bytes) -> _Content:
         if not content.seen and name not in ("MeshFormat", "Comments"):
             raise ValueError("it does not begin with $MeshFormat")
         content.seen.add(name)
-        stop = data.find(b"\n$End" + name.encode(), end)
+        stop = data.find(b"$End" + name.encode(), end)  # bytes may stand before it on its line
         if stop < 0:
             raise ValueError(f"${name} is not closed by $End{name}: the file was cut")
         if name == "MeshFormat":

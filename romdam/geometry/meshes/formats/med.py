@@ -1,4 +1,4 @@
-"""MED, the mesh files of SALOME and code_aster, versions 2.2 to 4.
+"""MED, the mesh files of SALOME and code_aster, versions 2.1 to 4.
 
 Read here and not by meshlane 5.5, which opens any HDF5 file in its caller's process, where damaged bytes may
 kill it.
@@ -62,6 +62,8 @@ def read_med(path: Path, location: str) -> MeshFile:
             if not solid:
                 reasons = (f"{quote(name)} {why}" for name, why in wrong.items())
                 raise MeshError(f"it has no unstructured mesh in x, y and z: {', '.join(reasons)}")
+            if len(solid) > 1:  # a mesh of an interface has facets alone
+                solid = [name for name in solid if _has_solids(file["ENS_MAA"][name])] or solid
             if len(solid) > 1:
                 raise MeshError(f"it has {len(solid)} meshes of solids, {listed(solid)}, limit one")
             (name,) = solid
@@ -97,10 +99,20 @@ def _not_of_space(mesh: h5py.Group) -> str:
     return "is structured" if int(mesh.attrs.get("TYP", 0)) else ""
 
 
+def _steps(mesh: h5py.Group) -> list[h5py.Group]:
+    """The time steps of a mesh; version 2 has none, and the mesh is its own."""
+    return [mesh] if "NOE" in mesh else [step for step in mesh.values() if "NOE" in step]
+
+
+def _has_solids(mesh: h5py.Group) -> bool:
+    kinds = {kind for step in _steps(mesh) for kind in step.get("MAI", ())}
+    return any(kind in _UNREAD or (kind in _TYPES and _TYPES[kind].dim == 3) for kind in kinds)
+
+
 def _mesh(mesh: h5py.Group) -> _Content:
     name = quote(mesh.name.rpartition("/")[2])
-    steps = [mesh] if "NOE" in mesh else [step for step in mesh.values() if "NOE" in step]
-    if not steps:  # version 2 has no time steps
+    steps = _steps(mesh)
+    if not steps:
         raise MeshError(f"its mesh {name} has no nodes, NOE")
     if len(steps) != 1:
         raise MeshError(f"its mesh {name} has {len(steps)} time steps ({', '.join(mesh)}), limit one")
@@ -116,10 +128,14 @@ def _mesh(mesh: h5py.Group) -> _Content:
     if unit not in _METRES:
         content.remarks.append(f"it says that its coordinates are in {quote(unit)}; they are read in `unit`")
     first = 1
-    for kind, group in [*step["MAI"].items(), *step.get("FAC", {}).items()]:  # version 2 has facets apart
+    facets = step.get("FAC", {})  # version 2 has facets apart, or their families alone
+    families = {kind: group for kind, group in facets.items() if "NOD" not in group and kind in step["MAI"]}
+    apart = [(kind, group) for kind, group in facets.items() if kind not in families]
+    for kind, group in [*step["MAI"].items(), *apart]:
         if kind in _UNREAD:
-            families = np.asarray(group.get("FAM", [0]), dtype=np.int64)
-            content.unread[f"elements of type {kind} ({_UNREAD[kind]})"] = families
+            content.unread[f"elements of type {kind} ({_UNREAD[kind]})"] = np.asarray(
+                group.get("FAM", [0]), dtype=np.int64
+            )
             continue
         if kind not in _TYPES:
             content.remarks.append(f"elements of type {kind} are left out")
@@ -134,7 +150,8 @@ def _mesh(mesh: h5py.Group) -> _Content:
             )
         table = cell.in_vtk_order(flat.reshape(cell.nodes, count).T, "med")
         content.cells.append(Cells(cell.name, table, np.arange(first, first + count)))
-        content.families.append(_family(group, count, f"elements of type {kind}"))
+        family = _family(families.get(kind, group), count, f"elements of type {kind}")
+        content.families.append(family)
         first += count
     return content
 
