@@ -357,6 +357,10 @@ BAD = {
     "m.bdf": ("CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\n", "{path} has no nodes"),
     "old.vtu": ("# vtk DataFile Version 3.0\nx\nASCII\n", "it is VTK's older format"),
     "cut.bdf": ("GRID,1,,0.,0.,0.\nGRID,2,,0.,1", "it ends in a line without ENDDATA: it was cut"),
+    "repeated.bdf": (
+        "GRID,1,,0.,0.,0.\nDEFORM,4,1,.05\n=,=,7,=\nCTETRA,1,1,1,2,3,4\n=,*1,=,2,3,4,5\nENDDATA\n",
+        "line 5 repeats CTETRA by '=', which is not followed; write every entry out",
+    ),
     "stray.bdf": ("+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 1 continues nothing: no entry awaits '+A'"),
     "twice.bdf": ("+A,7,8\n+A,7,8\nGRID,1,,0.,0.,0.\nENDDATA\n", "line 2 and line 1 both continue '+A'"),
     "m.inp": ("*HEADING\n", "{path} cannot be read as an abaqus file (no *NODE block)"),

@@ -398,8 +398,15 @@ def _entries(lines: Iterator[_Line]) -> Iterator[_Entry]:
     """Entries with their continuation lines, which follow them or are found by their markers."""
     entry, waiting, stray = None, list[_Entry](), dict[str, tuple[_Line, _Entry | None]]()
     unsettled = False  # whether a line below the entry may be its own or another's
+    above = ""  # name of the entry that lines of "=" repeat
     for line in lines:
         if line.name and line.name[0] not in "+*":
+            if line.name[0] != "=":
+                above = line.name
+            elif above in _READ:
+                raise ValueError(
+                    f"{line.where} repeats {above} by '=', which is not followed; write every entry out"
+                )
             if entry is not None and not _marker(entry.marker) and not unsettled:
                 yield entry
             elif entry is not None:  # a line with its marker may stand elsewhere
