@@ -412,6 +412,15 @@ BAD = {
 }
 
 
+@pytest.mark.parametrize("option", ["INPUT", "file"])
+def test_abaqus_files_are_included(option, tmp_path):
+    (tmp_path / "nodes.txt").write_text(NODES + "\n")
+    (tmp_path / "m.inp").write_text(f"*INCLUDE, {option}=nodes.txt\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n")
+    (tmp_path / "whole.inp").write_text(NODES + "\n*ELEMENT, TYPE=C3D8\n1,1,2,3,4,5,6,7,8\n")
+    block, whole = read("m.inp", tmp_path), read("whole.inp", tmp_path)
+    assert np.array_equal(block.points[block.cells], whole.points[whole.cells]) and len(block.cells) == 1
+
+
 @pytest.mark.parametrize("name", BAD)
 def test_wrong_file(name, tmp_path):
     text, message = BAD[name]

@@ -341,7 +341,7 @@ def _lines(deck: _Deck, path: Path, above: tuple[Path, ...]) -> Iterator[str]:
         if not text or text.startswith("**"):
             continue
         if re.match(r"\*\s*INCLUDE\b", text, re.IGNORECASE):
-            match = re.search(r"""INPUT\s*=\s*["']?([^"',]+)""", text, re.IGNORECASE)
+            match = re.search(r"""\b(?:INPUT|FILE)\s*=\s*["']?([^"',]+)""", text, re.IGNORECASE)
             if match is None or not (path.parent / match[1].strip()).is_file():
                 raise deck.error(
                     f"{quote(text)}: there is no such file beside {path.name}; put the mesh into one file"
