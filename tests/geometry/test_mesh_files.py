@@ -494,6 +494,23 @@ def test_missing_group():
     assert "group 'base' holds no solid elements" in error_of("hex8.msh", DATA, group="base")
 
 
+@pytest.mark.parametrize(
+    ("element", "types"), [("tet4", (10, 71)), ("tet10", (24, 71)), ("hex8", (12, 72)), ("wedge6", (13, 73))]
+)
+def test_vtu_of_lagrange_cells(element, types, tmp_path):
+    """As FEniCSx writes them; with few nodes they are VTK's other cells (vtkCellType.h, 71 to 73)."""
+    block = mesh(element)
+    content = meshio.Mesh(block.points, [(SOLIDS[element].cell.name, block.cells)])
+    content.write(tmp_path / "m.vtu", file_format="vtu", binary=False)
+    text = (tmp_path / "m.vtu").read_text()
+    head, mark, tail = text.partition('Name="types"')
+    numbers, end, rest = tail.partition("</DataArray>")
+    assert numbers.count(str(types[0])) == len(block.cells)
+    (tmp_path / "m.vtu").write_text(head + mark + numbers.replace(*map(str, types)) + end + rest)
+    same = read("m.vtu", tmp_path)
+    assert same.element == element and np.allclose(same.points[same.cells], block.points[block.cells])
+
+
 def test_vtu_with_several_integer_arrays(tmp_path):
     block = mesh("tet4")
     number = np.arange(len(block.cells))

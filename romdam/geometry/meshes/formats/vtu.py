@@ -26,6 +26,9 @@ from romdam.geometry.meshes.cells import Cells
 from romdam.geometry.meshes.data import LARGEST, MeshFile, by_value, cannot_be_read, checked_mesh, numbers_of
 
 _TYPES = {cell.vtk: cell for cell in CELLS.values() if cell.vtk is not None}
+# Lagrange cells and how many nodes they have -> the type with these nodes in this order; longer ones have
+# orders of their own.
+_LAGRANGE = {(68, 2): 3, (69, 3): 5, (70, 4): 9, (71, 4): 10, (71, 10): 24, (72, 8): 12, (73, 6): 13}
 _NUMBERS = {
     f"{sign}{kind}{bits}": f"{code}{bits // 8}"
     for sign, kind, code, all_bits in (
@@ -234,11 +237,14 @@ def _cells(grid: _Grid, piece: ElementTree.Element) -> tuple[list[Cells], list[I
     types = grid.array(_named(piece, "types"), count).astype(np.int64)
     ends = grid.array(_named(piece, "offsets"), count).astype(np.int64)
     nodes = grid.array(_named(piece, "connectivity"), None).astype(np.int64)
+    lengths = np.diff(ends, prepend=0)
+    for (lagrange, length), plain in _LAGRANGE.items():
+        types = np.where((types == lagrange) & (lengths == length), plain, types)
     unknown = np.flatnonzero(~np.isin(types, list(_TYPES)))
     if len(unknown):
         raise ValueError(f"cell {unknown[0]} is of VTK's type {types[unknown[0]]}, which is not known")
     sizes = np.array([_TYPES[t].nodes for t in types.tolist()], dtype=np.int64)
-    wrong = np.flatnonzero(np.diff(ends, prepend=0) != sizes)
+    wrong = np.flatnonzero(lengths != sizes)
     if len(wrong) or (ends[-1] if count else 0) != len(nodes):
         at = wrong[0] if len(wrong) else count - 1
         raise ValueError(
