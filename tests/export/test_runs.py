@@ -125,11 +125,35 @@ def frequencies(folder):
     return np.array([float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()])
 
 
+_WATER = {"level": "20 m", "faces": [{"block": "left", "face": "ymin"}], "model": "westergaard"}
+_BACK = {
+    "material": "concrete",
+    "box": {"origin": [0, 10, 0], "size": [5, 5, 20], "element_size": [5, 5, 5], "element": "hex8"},
+}
+IN_CALCULIX = {  # scene -> its sections, and the difference of the openings at steps of 1 ms
+    "frictionless": ({}, 0.006),
+    "gap": ({"joints": {"gap": BARE | {"gap": "1 mm"}}}, 0.006),
+    "elastic": ({"joints": {"gap": ELASTIC}}, 0.02),
+    "tied": (
+        {
+            "blocks": boxes()["blocks"] | {"back": _BACK},
+            "supports": [{"block": name, "face": "zmin"} for name in ("left", "right", "back")],
+            "ties": {"t": {"between": ["right", "back"]}},
+        },
+        0.006,
+    ),
+    "quadratic": ({"element": "hex20"}, 0.02),  # openings are means around the gaps there
+    "water": ({"water": _WATER}, 0.06),  # lumped, and without Rayleigh damping there
+}
+
+
 @ccx
 @pytest.mark.slow
-@pytest.mark.parametrize("gap", ["0 mm", "1 mm"])
-def test_calculix_opens_the_joint_as_romdam_does(gap, tmp_path):
-    raw = boxes(joints={"gap": BARE | {"gap": gap}})
+@pytest.mark.parametrize("scene", IN_CALCULIX)
+def test_calculix_opens_the_joint_as_romdam_does(scene, tmp_path):
+    """0.37, 0.31, 1.1, 0.25, 1.2 and 3.6 % by ccx 2.20 in the order of the scenes."""
+    sections, limit = IN_CALCULIX[scene]
+    raw = boxes(**sections)
     deck = built(raw)[1]
     folder = written(write_calculix(deck)[0], tmp_path)
     for name in ("frequencies", "deck"):
@@ -138,7 +162,7 @@ def test_calculix_opens_the_joint_as_romdam_does(gap, tmp_path):
     time, own = openings(folder, len(deck.gaps))
     clock = np.arange(deck.motion.acc.shape[1]) * DT
     at = np.stack([np.interp(clock, time, column) for column in own.T], axis=1)
-    assert opening_error(at, exact(raw)).l2 < 0.02
+    assert opening_error(at, exact(raw)).l2 < limit
 
 
 @pytest.mark.parametrize("element", ["hex8", "hex20", "tet10"])
