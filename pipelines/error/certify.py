@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from romdam.config.effects import EFFECTS, acting_effects, refuse_unknown_effects
+from romdam.config.effects import refuse_unknown_effects
 from romdam.config.load import Job, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
@@ -104,7 +104,7 @@ def certify(
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
-    in_windows = not any(EFFECTS[name].needs_all for name in acting_effects(job.config))
+    in_windows = model.system.pseudo_static is None and not model.system.signals  # none begins at a row
     sampled = passes is None and damped and in_windows
     sampled = sampled and model.prepared.integrator.resumes and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):

@@ -30,14 +30,12 @@ class EffectEntry(NamedTuple):
     acts : whether a job does
     known_to : the computations that know it
     modes : whether it leaves the modes "apart" or has them "coupled", with a remedy in `couplings`
-    needs_all : whether a part of a record does not tell what drives the system in it
     """
 
     key: str
     acts: Callable[[Sections], bool]
     known_to: frozenset[Computation] = frozenset()
     modes: Literal["apart", "coupled", "unknown"] = "unknown"
-    needs_all: bool = True
 
 
 def _known(
@@ -45,12 +43,11 @@ def _known(
     acts: Callable[[Sections], bool],
     *,
     coupled: bool = False,
-    needs_all: bool = False,
     linear: bool = False,
 ) -> EffectEntry:
     """The entry of an effect that all commands know, and the linear stage where it is `linear`."""
     known_to: frozenset[Computation] = _KNOWING | {"linear stage"} if linear else _KNOWING
-    return EffectEntry(key, acts, known_to, "coupled" if coupled else "apart", needs_all)
+    return EffectEntry(key, acts, known_to, "coupled" if coupled else "apart")
 
 
 def _has_water(model: str) -> Callable[[Sections], bool]:
@@ -66,11 +63,9 @@ def has_viscous_boundary(config: Sections) -> bool:
 
 EFFECTS = {
     "moving supports": _known(
-        "supports[].motion",
-        lambda config: any(one.motion is not None for one in config.supports),
-        needs_all=True,
+        "supports[].motion", lambda config: any(one.motion is not None for one in config.supports)
     ),
-    "motion along": _known("ground.along", lambda config: config.ground.along is not None, needs_all=True),
+    "motion along": _known("ground.along", lambda config: config.ground.along is not None),
     "Westergaard's added mass": _known("water.model: westergaard", _has_water("westergaard"), linear=True),
     "incompressible water": _known("water.model: incompressible", _has_water("incompressible"), linear=True),
     "compressible water": _known("water.model: compressible", _has_water("compressible"), coupled=True),
@@ -82,9 +77,7 @@ EFFECTS = {
         "loads.weight: staged", lambda config: config.loads.weight == "staged", linear=True
     ),
     "staged construction": _known("construction", lambda config: bool(config.construction)),
-    "force histories": _known(
-        "loads.force_history", lambda config: bool(config.loads.force_history), needs_all=True
-    ),
+    "force histories": _known("loads.force_history", lambda config: bool(config.loads.force_history)),
     "temperature": _known("loads.temperature", lambda config: bool(config.loads.temperature), linear=True),
     "water in joints": _known(
         "loads.joint_water", lambda config: bool(config.loads.joint_water), linear=True

@@ -216,20 +216,9 @@ def _written_at(config: Config, key: Location) -> Location:
 
 
 def load_config(source: Source, folder: str | Path | None = None) -> Job:
-    """Read and validate a configuration.
+    """Read and validate a configuration; what it says in general is not looked up in its meshes yet.
 
-    Parameters
-    ----------
-    source : a YAML file; a mapping with the keys of one, numbers and texts as there; a `Config`; a `Job`
-        stays as it is
-    folder : that relative paths in a mapping or a `Config` start from, the current one if not given; those
-        in a file start from the file's own
-
-    Raises
-    ------
-    ConfigError
-        for a file that cannot be read or is not YAML, for unknown, missing or wrong keys, and for a suite
-        that varies what cannot be varied.
+    Parameters, and the ConfigError that is raised, are those of `romdam.load_config`, which commands take.
     """
     if isinstance(source, Mapping | Config):
         content = source

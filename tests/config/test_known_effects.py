@@ -69,7 +69,7 @@ def test_an_effect_that_is_not_known_is_refused_by_name(dashpots):
 
 def test_an_effect_that_says_nothing_of_itself_is_known_to_no_command():
     silent = EffectEntry("key", lambda config: True)
-    assert not silent.known_to and silent.modes == "unknown" and silent.needs_all
+    assert not silent.known_to and silent.modes == "unknown"
 
 
 def test_what_the_linear_stage_does_not_know_it_refuses_with_a_reason():

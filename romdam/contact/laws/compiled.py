@@ -139,7 +139,7 @@ def law(*arguments: Any) -> Any:
 def _limit(parameters: Any, memory: Any, step: Any, limit: Any) -> int:
     try:
         law(parameters, memory, step, limit)
-    except Exception:
+    except Exception:  # here and below: compiled code can name no other kind, and a user's law may raise any
         return FAILED
     for entry in limit:
         if entry != entry:  # NaN: every bound would count as kept
