@@ -19,7 +19,7 @@ from romdam.core.fingerprint import code_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.scene_digest import scene_digest
-from romdam.core.system import History
+from romdam.core.system import History, System
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.certificate import (
@@ -104,8 +104,7 @@ def certify(
         full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
-    in_windows = model.system.pseudo_static is None and not model.system.signals  # none begins at a row
-    sampled = passes is None and damped and in_windows
+    sampled = passes is None and damped and begins_at_rows(model.system)
     sampled = sampled and model.prepared.integrator.resumes and float(run.time[-1]) > SHORTEST
     with clock.stage("cost", "timing a solution"):
         tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
@@ -170,6 +169,11 @@ def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
         f"{solutions * seconds:.2g} s, over {100 * share:.0f} % of the record; beside it runs of a finer "
         "model"
     )
+
+
+def begins_at_rows(system: System) -> bool:
+    """Whether a run can begin at any row: moving supports and force histories are not in one."""
+    return system.pseudo_static is None and not system.signals
 
 
 def _sampled(

@@ -23,7 +23,7 @@ from romdam.effects.full_order import assemble_full
 from romdam.export import build, matrices
 from romdam.export.deck import DeckMotion
 from romdam.geometry.matrices import block as of_matrices
-from romdam.pipelines.error.certify import certify
+from romdam.pipelines.error.certify import begins_at_rows, certify
 from romdam.pipelines.export import ExportOptions, export_deck, export_matrices
 from romdam.pipelines.stability import assess_stability
 from romdam.scene.build import build_scene
@@ -76,6 +76,21 @@ def test_what_the_linear_stage_does_not_know_it_refuses_with_a_reason():
     known = {name for name, effect in EFFECTS.items() if "linear stage" in effect.known_to}
     assert known and not known & {*linear_stage._WITHOUT}
     assert known | {*linear_stage._WITHOUT} == {*EFFECTS}
+
+
+@pytest.mark.parametrize(
+    ("sections", "begins"),
+    [
+        ({}, True),
+        ({"ground": {"along": {"axis": "y", "velocity": 900.0}}}, False),
+        ({"supports": [*BASE["supports"][:-1], BASE["supports"][-1] | {"motion": {"delay": 0.05}}]}, False),
+    ],
+    ids=["base alone", "along", "delay"],
+)
+def test_what_moves_by_itself_is_certified_over_the_whole_record(sections, begins):
+    config = parse_config(job(**sections), "s.yaml")
+    system = assemble_full(build_scene(config, Path(), "s.yaml"), config.damping)
+    assert begins_at_rows(system) is begins
 
 
 def test_known_fields_are_fields():
