@@ -29,7 +29,8 @@ def with_balance(job: Job, model: RunModel, history: History) -> History:
         if history.water.size:
             water = water + history.water[0]
         dam = [name for name in scene.blocks if name not in rock_blocks(scene)]
-        return balance_at_rest(scene, history.traction[0], water, dam)
+        attached = history.attached[:1].sum(axis=0)
+        return balance_at_rest(scene, history.traction[0], water, dam, attached)
 
     balance = model.prepared.cache.get_or_compute(("balance",), formed)
     refuse_unbalanced(balance)

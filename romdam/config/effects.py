@@ -30,12 +30,16 @@ class EffectEntry(NamedTuple):
     acts : whether a job does
     known_to : the computations that know it
     modes : whether it leaves the modes "apart" or has them "coupled", with a remedy in `couplings`
+    records : dimension over which results have the force of each of its attachments; empty for none
+    varies : keys of each entry of its section that samples of a suite may have others of
     """
 
     key: str
     acts: Callable[[Sections], bool]
     known_to: frozenset[Computation] = frozenset()
     modes: Literal["apart", "coupled", "unknown"] = "unknown"
+    records: str = ""
+    varies: tuple[str, ...] = ()
 
 
 def _known(
@@ -44,10 +48,15 @@ def _known(
     *,
     coupled: bool = False,
     linear: bool = False,
+    written: bool = True,
+    records: str = "",
+    varies: tuple[str, ...] = (),
 ) -> EffectEntry:
-    """The entry of an effect that all commands know, and the linear stage where it is `linear`."""
-    known_to: frozenset[Computation] = _KNOWING | {"linear stage"} if linear else _KNOWING
-    return EffectEntry(key, acts, known_to, "coupled" if coupled else "apart")
+    """The entry of an effect that all commands know, exports where it is `written`, and a `linear` stage."""
+    known_to = _KNOWING if written else _KNOWING - {"deck", "matrices"}
+    if linear:
+        known_to = known_to | {"linear stage"}
+    return EffectEntry(key, acts, known_to, "coupled" if coupled else "apart", records, varies)
 
 
 def _has_water(model: str) -> Callable[[Sections], bool]:
@@ -87,6 +96,17 @@ EFFECTS = {
         lambda config: any(one.law_keys["grouting_pressure"] for one in config.every_joint.values()),
         linear=True,
     ),
+    "anchors": _known(
+        "anchors",
+        lambda config: bool(config.anchors),
+        linear=True,
+        written=False,
+        records="anchor",
+        varies=("pretension", "loss", "stiffness", "area"),
+    ),
+    "masses": _known(
+        "masses", lambda config: bool(config.masses), linear=True, written=False, varies=("mass",)
+    ),
     "modal damping": _known("damping.modal", lambda config: config.damping.modal is not None, linear=True),
 }
 
@@ -117,6 +137,10 @@ EXCLUDED = {
         "boundary (ground.viscous left out, of an arch dam rock.boundary: fixed), or leave `along` out"
     ),
     frozenset({"staged weight", "staged construction"}): _WEIGHT_OF_STAGES,
+    frozenset({"anchors", "staged construction"}): (
+        "anchors: would hold blocks in stages of `construction` before they are stressed; leave one of the "
+        "two out"
+    ),
 } | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 

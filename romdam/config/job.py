@@ -12,6 +12,7 @@ from romdam.config.construction import refuse_wrong_construction
 from romdam.config.coupling import couplings, refuse_coupled
 from romdam.config.effects import refuse_excluded
 from romdam.config.linear_stage import refuse_linear_stage
+from romdam.config.sections.attachments import PointConfig
 from romdam.config.sections.geometry.cut import refuse_wrong_cuts
 from romdam.config.sections.ground import refuse_wrong_ground
 from romdam.config.sections.job import Sections
@@ -99,6 +100,12 @@ class Config(Sections):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for i, history in enumerate(self.loads.force_history):
             self._known(f"loads.force_history[{i}].block", history.block, blocks)
+        for name, anchor in self.anchors.items():
+            self._known(f"anchors.{name}.head.block", anchor.head.block, blocks)
+            if isinstance(anchor.foot, PointConfig):
+                self._known(f"anchors.{name}.foot.block", anchor.foot.block, blocks)
+        for name, lumped in self.masses.items():
+            self._known(f"masses.{name}.block", lumped.block, blocks)
         for joint_name in (self.post_earthquake.joints if self.post_earthquake else None) or ():
             self._known("post_earthquake.joints", joint_name, self.every_joint)
         for name, node in self.outputs.nodes.items():

@@ -8,18 +8,18 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BeforeValidator, TypeAdapter, ValidationError
 
 from romdam.config.base import Model
+from romdam.config.effects import EFFECTS
 from romdam.config.explain import explain
 from romdam.config.job import OF_SAMPLE, Config
-from romdam.config.sections.job import DampingConfig, MaterialConfig, RayleighConfig
+from romdam.config.quantities import unit_of
+from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.config.sections.joint_laws import annotation
 from romdam.config.sections.joints import JointProperties
-from romdam.config.sections.loads import TemperatureConfig
-from romdam.config.sections.water import WaterConfig
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import law_order
 from romdam.contact.laws.law import Law, Parameter
@@ -27,10 +27,11 @@ from romdam.core.errors import ConfigError, listed, quote
 
 Section = TypeVar("Section", bound=Model)
 
-_UDUNITS = {"": "1", "m/s": "m s-1", "N/m": "N m-1", "N/m^3": "N m-3", "N*s/m^3": "N s m-3", "1/s": "s-1"}
+_UDUNITS = {
+    "": "1", "m/s": "m s-1", "N/m": "N m-1", "N/m^3": "N m-3", "N*s/m^3": "N s m-3", "1/s": "s-1",
+    "kg/m^3": "kg m-3", "delta_degC": "K", "m^2": "m2",
+}  # fmt: skip
 _GAP = Parameter("gap", "m", least=-math.inf)
-_STRUCTURE = {"E": "Pa", "rho": "kg m-3", "level": "m", "change": "K"}
-_OWNERS: dict[str, type[Model]] = {"level": WaterConfig, "change": TemperatureConfig}
 _DAMPING = {"rayleigh.ratio": "1", "rayleigh.alpha": "s-1", "rayleigh.beta": "s", "modal": "1"}
 
 
@@ -70,6 +71,7 @@ class VariedKey:
     keys : of the joint or of `damping`; the last one elsewhere
     units : of the SI value, UDUNITS
     parameter : what may stand there, of a joint
+    owner : section that it stands in; None of a joint
     """
 
     path: str
@@ -78,10 +80,11 @@ class VariedKey:
     keys: tuple[str, ...]
     units: str
     parameter: Parameter | None = None
+    owner: type[Model] | None = None
 
     @property
     def structure(self) -> tuple[str, ...]:
-        """Where it stands in materials, water or loads; empty for joints and damping."""
+        """Where it stands in materials, water, loads or attachments; empty for joints and damping."""
         return () if self.joints or self.locations[0][0] == "damping" else tuple(map(_dotted, self.locations))
 
     @property
@@ -114,7 +117,7 @@ def _dotted(location: Location) -> str:
 
 
 def _structure_places(config: Config) -> dict[Location, float]:
-    """Every number of the materials, the water and the loads that a suite may vary; SI."""
+    """Every number of the materials, the water, the loads and what is attached that a suite may vary; SI."""
     places: dict[Location, float] = {
         ("materials", name, key): float(getattr(material, key))
         for name, material in config.materials.items()
@@ -128,6 +131,10 @@ def _structure_places(config: Config) -> dict[Location, float]:
     for k, temperature in enumerate(config.loads.temperature):
         if temperature.change is not None:
             places["loads", "temperature", k, "change"] = temperature.change
+    for effect in EFFECTS.values():
+        for name, entry in getattr(config, effect.key).items() if effect.varies else ():
+            given = {key: getattr(entry, key) for key in effect.varies}
+            places |= {(effect.key, name, key): x for key, x in given.items() if x is not None}
     return places
 
 
@@ -277,7 +284,37 @@ def _structure_key(config: Config, paths: Sequence[str], places: Sequence[Locati
                 f"{where}: water.level cannot be varied, as {what}; take water.model: incompressible or "
                 "westergaard without a mesh, or run one suite for each level"
             )
-    return VariedKey(", ".join(paths), tuple(places), (), (key,), _STRUCTURE[key])
+    owner = _owner(config, places[0])
+    return VariedKey(", ".join(paths), tuple(places), (), (key,), _units(owner, key), owner=owner)
+
+
+def _owner(config: Config, location: Location) -> type[Model]:
+    """The section that a number stands in."""
+    section: Any = config
+    for key in location[:-1]:
+        section = getattr(section, str(key)) if isinstance(section, Model) else section[key]
+    assert isinstance(section, Model)
+    return type(section)
+
+
+def _units(owner: type[Model], key: str) -> str:
+    """Units of a number of a section, UDUNITS."""
+    unit = _unit_within(_kind(owner, key))
+    assert unit is not None
+    return _UDUNITS.get(unit, unit)
+
+
+def _unit_within(kind: Any) -> str | None:
+    """The unit that a type converts to; of a union that of its first quantity."""
+    own = [unit_of(one.func) for one in getattr(kind, "__metadata__", ()) if isinstance(one, BeforeValidator)]
+    inner = (_unit_within(one) for one in get_args(kind) if one not in getattr(kind, "__metadata__", ()))
+    return next((unit for unit in (*own, *inner) if unit is not None), None)
+
+
+def _kind(owner: type[Model], key: str) -> Any:
+    """The type of a key of a section."""
+    field = owner.model_fields[key]
+    return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
 
 
 def refuse_unvaried(config: Config, source: str) -> None:
@@ -317,9 +354,9 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
     return (
         f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key>, damping.<key>, "
-        "materials.<name>.E or .rho, water.level, loads.hydrostatic.<number>.level, "
-        "loads.joint_water.<number>.level or loads.temperature.<number>.change (of no table), and run one "
-        "suite for each value of the rest"
+        "materials.<name>.E or .rho, anchors.<name>.pretension, masses.<name>.mass, water.level, "
+        "loads.hydrostatic.<number>.level, loads.joint_water.<number>.level or "
+        "loads.temperature.<number>.change (of no table), and run one suite for each value of the rest"
     )
 
 
@@ -348,12 +385,8 @@ def _adapter(key: VariedKey) -> TypeAdapter[Any]:
     """Reader of what the key takes."""
     if key.parameter is not None:
         return TypeAdapter(annotation(key.parameter))
-    owner: type[Model] = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
-    if key.structure:
-        owner = _OWNERS.get(key.keys[0], MaterialConfig)
-    field = owner.model_fields[key.keys[-1]]
-    kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-    return TypeAdapter(kind)
+    of_damping = RayleighConfig if key.keys[0] == "rayleigh" else DampingConfig
+    return TypeAdapter(_kind(key.owner or of_damping, key.keys[-1]))
 
 
 def vary(config: Config, places: Mapping[str, VariedKey], values: Mapping[str, float], source: str) -> Varied:

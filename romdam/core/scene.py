@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.attachment import Attachment
 from romdam.core.final_state import InitialState
 from romdam.core.motion import ForceSignal, MovingSupports
 from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
@@ -444,6 +445,7 @@ class Scene:
     force_histories : forces that vary in time
     initial : state of another run that runs begin with; None without
     construction : stages in which the dam was built, one after another
+    attachments : springs, dashpots and masses on the blocks, such as anchors
     remarks : what of the scene is odd and may not be meant, one sentence each
     load_order : kinds of static loads, in the order in which they are applied to the state at rest; empty
         where all come together
@@ -469,6 +471,7 @@ class Scene:
     force_histories: tuple[ForceHistory, ...] = ()
     initial: InitialState | None = None
     construction: tuple[ConstructionStage, ...] = ()
+    attachments: tuple[Attachment, ...] = ()
     remarks: tuple[str, ...] = ()
     load_order: tuple[str, ...] = LOAD_KINDS
 

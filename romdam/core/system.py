@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.attachment import BearingRows
 from romdam.core.errors import ConfigError
 from romdam.core.final_state import FinalState, InitialState
 from romdam.core.motion import ForceSignal, Incoherence, Motion, SupportMotion, ground_rows
@@ -395,7 +396,8 @@ class System:
     force : (n,) static force
     load_steps : name -> its part of `force` (n,), in the order in which the loads come; empty where they come
         at once
-    observe : (3 * number of probes, n) sparse; displacement of the probes, x, y, z each
+    observe : (3 * number of probes + k, n) sparse; displacement of the probes, x, y, z each, and what
+        attachments are stretched by (`bearing`)
     at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
         conjugate to the joint force; None where it is the same
     point_shift : (directions * ng,) what grouting has taken off the jump at the gaps' positions beside that
@@ -418,6 +420,7 @@ class System:
     construction : stages that it is still to go through; None without, and once it has
     built : the joints in the stages that it has gone through; None without
     extent : size of the mesh, beyond which nothing moves in a sound run; inf where there is none [m]
+    bearing : attachments whose forces are recorded; None without any
     """
 
     M: csr_matrix
@@ -446,6 +449,7 @@ class System:
     built: BuiltStages | None = None
     load_steps: Mapping[str, Floats] = field(default_factory=dict)
     extent: float = math.inf
+    bearing: BearingRows | None = None
 
     @property
     def size(self) -> int:
@@ -457,6 +461,11 @@ class System:
         assert self.at_point is not None
         more = self.at_point @ u
         return np.asarray(more if self.point_shift is None else more + self.point_shift)
+
+    @property
+    def of_probes(self) -> slice:
+        """The rows of `observe` that are of the probes."""
+        return slice(0, self.observe.shape[0] if self.bearing is None else self.bearing.first)
 
     @property
     def solids(self) -> int:
@@ -626,6 +635,8 @@ class History(GapQuantities):
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
     uplift, built : as of the system
+    attached : (nt, k) force of each row of attachments, see `BearingRows`; empty without any [N]
+    attached_peaks : (2, k) least and largest of it over every base step, where no dashpot acts [N]
     balance : of the forces at rest; None where the run does not begin there
     """
 
@@ -650,6 +661,8 @@ class History(GapQuantities):
     every_step: StepMotion | None = None
     uplift: RestUplift | None = None
     built: BuiltStages | None = None
+    attached: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    attached_peaks: Floats = field(default_factory=lambda: np.zeros((2, 0)))
     balance: RestBalance | None = None
 
     @property

@@ -30,22 +30,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError
-from scipy.sparse import csr_matrix, diags_array
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
 
-from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.motion import Motion
 from romdam.core.scene import Block, Reservoir, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import EffectCoordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
+from romdam.effects.turned import NewUnknowns, turned
 from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
 from romdam.geometry.elements import Floats
 from romdam.linalg.dense import eigh, without_roundoff
 from romdam.linalg.modes.rigid import without_strain
-from romdam.reduction.basis import Lazy, Turn
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors
@@ -227,82 +226,14 @@ def _incompressible(body: WaterBody, density: float) -> AddedMass:
     return AddedMass(body.coupling, (flexibility + flexibility.T) / 2.0, ground)
 
 
-@dataclass(frozen=True)
-class _Change:
-    """New unknowns in place of old ones: old[wet] = V @ new[:len(V)], old[dry] = new[len(V):]."""
-
-    wet: NDArray[np.int64]
-    dry: NDArray[np.int64]
-    V: Floats
-
-    @property
-    def whole(self) -> Turn:
-        """The change of all unknowns."""
-        places = len(self.wet) + np.arange(len(self.dry))
-        return Turn(self.wet, self.V, self.dry, places, len(self.wet) + len(self.dry))
-
-    def parts(self, old: dict[str, slice]) -> dict[str, slice]:
-        """The unknowns of the water, then what is left of each part."""
-        parts = {"water": slice(0, len(self.wet))}
-        for name, part in old.items():
-            first, last = np.searchsorted(self.dry, (part.start, part.stop)) + len(self.wet)
-            if last > first:
-                parts[name] = slice(int(first), int(last))
-        return parts
-
-    def of(self, first: int, last: int) -> tuple[slice, Turn | None]:
-        """The new unknowns of old ones from `first` to `last`, and what turns them; None where all are dry.
-
-        The new unknowns are those of the slice.
-        """
-        old = np.arange(first, last)
-        wet, dry = np.flatnonzero(np.isin(self.wet, old)), np.flatnonzero(np.isin(self.dry, old))
-        shift = len(self.wet)
-        if not len(wet):
-            return slice(shift + int(dry[0]), shift + int(dry[-1]) + 1) if len(dry) else slice(0, 0), None
-        columns = slice(0, shift + int(dry[-1]) + 1 if len(dry) else shift)
-        turn = Turn(self.wet[wet] - first, self.V[wet], self.dry[dry] - first, shift + dry, columns.stop)
-        return columns, turn
-
-
 def _diagonalised(
     system: System, coordinates: ModalCoordinates, B: Floats, wet: NDArray[np.int64], water: AddedMass
 ) -> tuple[System, ModalCoordinates]:
     """A diagonal system in its modes with the water, whose operator on its wet unknowns is B[:, wet]."""
-    k = system.K.diagonal()
-    omega2, V = wet_modes(k[wet], B[:, wet], water)
-    change = _Change(wet, np.setdiff1d(np.arange(system.size), wet), V)
-    rows = change.whole.rows
-    omega2 = without_strain(without_roundoff(omega2), int((k[wet] == 0.0).sum()))
-    omega2 = np.concatenate([omega2, k[change.dry]])
-    more = system.at_point
-    turned = replace(
-        system,
-        M=csr_matrix(diags_array(np.concatenate([np.ones(len(wet)), system.M.diagonal()[change.dry]]))),
-        K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(rows(system.B.toarray())),
-        load=rows(np.asarray(system.load).T).T,
-        force=rows(system.force[None])[0],
-        load_steps={kind: rows(force[None])[0] for kind, force in system.load_steps.items()},
-        observe=csr_matrix(rows(system.observe.toarray())),
-        at_point=None if more is None else csr_matrix(rows(more.toarray())),
-        parts=change.parts(system.parts),
-    )
-    basis = coordinates.basis
-    ends = {name: (part.columns.start, part.columns.stop) for name, part in basis.items()}
-    turns = {of: change.of(*of) for of in set(ends.values())}  # blocks of a part share one
-    changed: dict[str, BlockBasis] = {}
-    for name, part in basis.items():
-        columns, turn = turns[ends[name]]
-        changed[name] = replace(part, columns=columns)
-        if turn is not None:
-            changed[name] = replace(
-                changed[name],
-                vectors=Lazy(part.vectors, turn),
-                omega2=omega2[columns],
-                participation=turn.rows(part.participation.T).T,
-            )
-    return turned, replace(coordinates, basis=changed)
+    k = system.K.diagonal()[wet]
+    omega2, V = wet_modes(k, B[:, wet], water)
+    omega2 = without_strain(without_roundoff(omega2), int((k == 0.0).sum()))
+    return turned(system, coordinates, NewUnknowns("water", wet, V, omega2, np.ones(len(wet))))
 
 
 def wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:

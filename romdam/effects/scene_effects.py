@@ -5,6 +5,7 @@ from __future__ import annotations
 from romdam.config.sections.job import DampingConfig
 from romdam.core.scene import Scene
 from romdam.effects.added_mass import added_mass
+from romdam.effects.attachments import attached_dashpots, attached_springs
 from romdam.effects.compressible_water import compressible_water
 from romdam.effects.construction import construction
 from romdam.effects.damping import SolidDamping
@@ -22,9 +23,10 @@ def scene_effects(
 ) -> tuple[Effect, ...]:
     """Make the effects of a scene.
 
-    What supports displace is known to all others. Damping acts on the mass of incompressible water. Waves in
-    rock begin before the record, which waves in water then follow. Stages of construction are loads over the
-    unknowns of all others.
+    What supports displace is known to all others. Springs and masses act before the water, which moves with
+    them, and dashpots after the damping of the solids. Damping acts on the mass of incompressible water.
+    Waves in rock begin before the record, which waves in water then follow. Stages of construction are loads
+    over the unknowns of all others.
 
     Parameters
     ----------
@@ -43,8 +45,10 @@ def scene_effects(
         static_loads(scene),
         force_histories(scene),
         moving_supports(scene, directions, assembly, solving),
+        attached_springs(scene),
         added_mass(scene),
         SolidDamping(scene, damping),
+        attached_dashpots(scene),
         incoming_waves(scene, damping),
         compressible_water(scene),
         construction(scene),

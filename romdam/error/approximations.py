@@ -441,6 +441,13 @@ _RECORDS = (
         ("records.processing.force_rows: % of it in L2, limit ",),
     ),
     Approximation(
+        "the point that an anchor or a mass acts on",
+        ("effects.attachments:attached_springs", "effects.attachments:attached_dashpots", "scene.points"),
+        "how far the point gives, which in a continuum is without limit: it grows as elements shrink",
+        "varied by",
+        ("discretisation",),
+    ),
+    Approximation(
         "the end of a record that `duration` cuts",
         ("pipelines.job_warnings",),
         "what comes after it",

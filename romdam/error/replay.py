@@ -200,7 +200,7 @@ def measure_defect(
     K = csr_matrix(full.system.K[:n, :n])
     jump, disp, energy = (
         _empty(3, rows, full.system.B),
-        _empty(3, rows, full.system.observe),
+        _empty(3, rows, full.system.observe[full.system.of_probes]),
         np.zeros((2, rows)),
     )
     point = np.zeros_like(jump[0])
@@ -208,7 +208,7 @@ def measure_defect(
     for row, (u, q, z) in enumerate(runs):
         for k, (model, motion) in enumerate(zip(models, (u, q, z), strict=True)):
             jump[k, row] = model.system.B @ motion
-            disp[k, row] = model.system.observe @ motion
+            disp[k, row] = (model.system.observe @ motion)[model.system.of_probes]
         point[row] = _more_at_points(full.system, u) - _more_at_points(models[2].system, z)
         e = u - coarse.basis @ q
         energy[0, row], energy[1, row] = 0.5 * u[:n] @ (K @ u[:n]), 0.5 * e[:n] @ (K @ e[:n])
@@ -218,7 +218,7 @@ def measure_defect(
         by = full.system.pseudo_static
         carried = by.motion(forces.ground)[2][:, :: forces.substeps].T
         jump += carried @ by.jump.T
-        disp += carried @ by.observe.T
+        disp += carried @ by.observe[full.system.of_probes].T
     jumps, disps = ((values[0], values[0] - values[1], values[0] - values[2]) for values in (jump, disp))
     return Defect(*jumps, point, *disps, *energy)
 

@@ -294,7 +294,7 @@ def _write_system(system: System, path: Path) -> Path:
         matrices = {"mass": system.M, "damping": system.C, "stiffness": system.K, "gaps": system.B}
         for key, matrix in matrices.items():
             write_matrix(file, key, csr_matrix(matrix))
-        write_matrix(file, "observe", csr_matrix(system.observe))
+        write_matrix(file, "observe", csr_matrix(system.observe[system.of_probes]))
         file["inertia"] = system.load.toarray() if isinstance(system.load, csr_matrix) else system.load
         file["force"] = system.force
         if system.drag is not None:

@@ -13,6 +13,7 @@ from collections.abc import Collection
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.core.attachment import of_all, stacked_rows
 from romdam.core.errors import ConvergenceError
 from romdam.core.scene import Scene
 from romdam.core.system import RestBalance
@@ -27,7 +28,9 @@ LIMIT = 1e-6  # of the forces on a body, what may be left of them
 _FREE = 1e-9  # of the largest, a motion that supports leave
 
 
-def balance_at_rest(scene: Scene, joint_force: Floats, water: Floats, dam: Collection[str]) -> RestBalance:
+def balance_at_rest(
+    scene: Scene, joint_force: Floats, water: Floats, dam: Collection[str], attached: Floats
+) -> RestBalance:
     """Sum up the forces on every body.
 
     Parameters
@@ -35,6 +38,7 @@ def balance_at_rest(scene: Scene, joint_force: Floats, water: Floats, dam: Colle
     joint_force : (ng, d) contact force on side J at rest [N]
     water : (ng,) force of the water in the gaps [N]
     dam : its blocks
+    attached : (k,) force of each row of attachments that bears, see `romdam.core.attachment.BearingRows` [N]
     """
     force = joint_force.copy()
     force[:, 0] += water
@@ -43,11 +47,12 @@ def balance_at_rest(scene: Scene, joint_force: Floats, water: Floats, dam: Colle
     names, about = [DAM], [_middle(scene, dam or list(scene.blocks))]
     loads, joints, supports = (np.zeros((1 + len(bodies), 6)) for _ in range(3))
     left = np.zeros(1 + len(bodies))
+    by_attachments = _by_attachments(scene, attached)
     for k, body in enumerate(bodies, start=1):
         middle, size = _middle(scene, body.blocks), 0.0
         of_dam = set(body.blocks) <= set(dam)
         for name in body.blocks:
-            load = _load(scene, name)
+            load = _load(scene, name) + by_attachments.get(name, 0.0)
             on_joints = operators[name].T @ force.ravel() if name in operators else np.zeros_like(load)
             loads[k] += _resultant(scene, name, load, middle)
             joints[k] += _resultant(scene, name, on_joints, middle)
@@ -104,6 +109,16 @@ def _load(scene: Scene, name: str) -> Floats:
     if scene.gravity.any() and weight_acts(scene, name):
         total += weight_force(scene, name, assemble_mass(block))
     return total.ravel()
+
+
+def _by_attachments(scene: Scene, attached: Floats) -> dict[str, Floats]:
+    """Block name -> (3 n,) static forces of what is attached to it, its weight and the force at rest."""
+    some = scene.attachments
+    bearing = np.concatenate([np.zeros(0, dtype=bool), *(np.full(len(one), one.bears) for one in some)])
+    along = of_all(some, "weight")
+    along[bearing] -= attached
+    sizes = {name: block.points.size for name, block in scene.blocks.items()}
+    return {name: np.asarray(rows.T @ along) for name, rows in stacked_rows(some, sizes).items()}
 
 
 def _middle(scene: Scene, blocks: Collection[str]) -> Floats:

@@ -232,6 +232,9 @@ def total_mass(scene: Scene, water: AddedMass | None) -> Floats:
     """Mass (3,) along x, y, z of all blocks that are shaken, and of the water that moves with them [kg]."""
     shaken = [block for name, block in scene.blocks.items() if name not in scene.radiating]
     total = sum((_mass(block) for block in shaken), np.zeros(3))
+    for one in scene.attachments:
+        moved = one.with_ground(scene.radiating)
+        total = total + (one.mass[:, None] * moved**2).sum(axis=0)
     if water is None:
         return total
     normal = _rigid(scene, water)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from romdam.config.load import Job
 from romdam.postprocess.run_warnings import crack_warnings, far_warnings, run_warnings, unrest_warnings
+from romdam.results.attached import attached_warnings
 from romdam.results.case import Case
 from romdam.results.sliding import sliding_warnings
 
@@ -16,5 +17,6 @@ def case_warnings(case: Case, job: Job) -> list[str]:
         *far_warnings(case.scene, case.history),
         *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
         *sliding_warnings(case),
+        *attached_warnings(case),
         *case.history.warnings,
     ]

@@ -85,7 +85,7 @@ def structure_of(
     """
     static = np.zeros(system.size) if begins == "undeformed" else system.force / system.K.diagonal()
     traction = None if at_joints is None else joint_traction(scene, at_joints, system.size)
-    return SpectrumModel(scene, static, system.observe.toarray(), stress, traction)
+    return SpectrumModel(scene, static, system.observe[system.of_probes].toarray(), stress, traction)
 
 
 def spectrum_dataset(

@@ -15,6 +15,7 @@ import numpy as np
 
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
 from romdam.core.system import ENERGY_TERMS, STATES, BuiltStages, RestBalance
+from romdam.results.attached import ATTACHED_COORDINATES, ATTACHED_VARIABLES
 from romdam.results.case import Array, Attributes, Case, Variable
 from romdam.results.floor_variables import FLOOR_COORDINATES, FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_VARIABLES
@@ -262,6 +263,7 @@ COORDINATES: dict[str, Variable] = {
         lambda c: np.array([one.signal.name for one in c.scene.force_histories], dtype=str),
         Case.has_force_histories,
     ),
+    **ATTACHED_COORDINATES,
     "node_block": Variable(
         ("node",),
         "",
@@ -415,6 +417,7 @@ VARIABLES: dict[str, Variable] = {
         lambda c: c.history.forces,
         Case.has_force_histories,
     ),
+    **ATTACHED_VARIABLES,
     "support_displacement": Variable(
         ("time", "support", "component"),
         "m",

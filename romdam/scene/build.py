@@ -22,6 +22,7 @@ from romdam.core.scene import (
 from romdam.geometry.matrices.block import held_by, refuse_unreached
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.geometry.meshes.sizes import refuse_large
+from romdam.scene.attachments import AttachmentPlaces, build_attachments
 from romdam.scene.blocks import dam_of, materials_of, named_blocks
 from romdam.scene.construction import construction_stages, stage_temperatures
 from romdam.scene.force_histories import build_force_histories
@@ -122,13 +123,15 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     weightless = [
         piece for name, block in config.blocks.items() if not block.weight for piece in config.made_of(name)
     ]
+    gravity = np.zeros(3) if config.loads.gravity is None else np.array(config.loads.gravity)
     scene = Scene(
         blocks=blocks,
         joints=joints,
         fixed=fixed,
         pressures=tuple(pressures),
         forces=tuple(forces),
-        gravity=np.zeros(3) if config.loads.gravity is None else np.array(config.loads.gravity),
+        gravity=gravity,
+        attachments=build_attachments(config, AttachmentPlaces(blocks, fixed, gravity, source)),
         probes=tuple(probes),
         ties=ties,
         water=_water(config, blocks, source),

@@ -14,9 +14,8 @@ from romdam.core.csv_table import read_table
 from romdam.core.errors import ConfigError
 from romdam.core.motion import ForceSignal
 from romdam.core.scene import Block, ForceHistory
-from romdam.geometry.elements import facet_element
-from romdam.geometry.facets import area_elements, area_vectors
-from romdam.geometry.meshes.kinds import facets_by_kind
+from romdam.geometry.facets import area_vectors
+from romdam.scene.points import face_weights
 from romdam.scene.select import nearest_node, select_facets
 
 _LOST = 1e-6  # of a force, that supports may take at once
@@ -97,14 +96,8 @@ def _pattern(entry: ForceHistoryConfig, block: Block, location: str) -> tuple[Fl
         return nodal, 1.0
     assert entry.face is not None
     facets = select_facets(block, entry.face, f"{location}.face")
-    share, area = np.zeros(len(block.points)), 0.0
-    for _, of_kind, _ in facets_by_kind(facets):
-        element = facet_element(of_kind)
-        xi, weight = element.rule
-        size = np.linalg.norm(area_elements(block.points, of_kind, xi), axis=2) * weight
-        area += float(size.sum())
-        np.add.at(share, of_kind, size @ element.shape(xi))
+    share, area = face_weights(block, facets)
     if axis is not None:
-        return share[:, None] / area * axis, 1.0
+        return share[:, None] * axis, 1.0
     np.add.at(nodal, facets, -area_vectors(block.points, facets) / area)
     return nodal, area

@@ -13,6 +13,7 @@ from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Hydrostatic, Joint, Scene
+from romdam.scene.attachments import AttachmentPlaces, build_attachments
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.reservoir.build import at_level
 from romdam.scene.ties import scene_parts
@@ -63,8 +64,15 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
         if temperature.change is not None:
             warmed |= dict.fromkeys(temperature.blocks or expanding, temperature.change)
     warmed = {name: warmed[name] for name in blocks if np.any(warmed.get(name, 0.0))}
+    attached = build_attachments(config, AttachmentPlaces(blocks, scene.fixed, scene.gravity, source))
     return replace(
-        scene, blocks=blocks, joints=joints, reservoir=reservoir, water=tuple(water), warmed=warmed
+        scene,
+        attachments=attached,
+        blocks=blocks,
+        joints=joints,
+        reservoir=reservoir,
+        water=tuple(water),
+        warmed=warmed,
     )
 
 

@@ -38,6 +38,7 @@ def thinned(history: History, dt: float, stride: int) -> History:
     written = {
         name: getattr(history, name)[::stride] for name in ("time", "disp", "vel", "acc", "ground", "forces")
     }
+    written["attached"] = history.attached[::stride]
     made = history.coordinates
     return replace(
         history,

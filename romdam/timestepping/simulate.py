@@ -14,6 +14,7 @@ from romdam.core.final_state import FinalState
 from romdam.core.integrators import INTEGRATORS
 from romdam.core.model_signature import law_key, model_signature
 from romdam.core.system import History
+from romdam.timestepping.attached import with_attached_forces
 from romdam.timestepping.energy import imbalance
 from romdam.timestepping.every_step import thinned
 from romdam.timestepping.integrators.registry import integrator_class
@@ -96,6 +97,7 @@ def simulate(
                 final = replace(final, model=model_signature(system), laws=laws)
             forces = system.forces(simulation.ground)[:, ::written].T
             ground_peak = np.abs(simulation.ground[:3]).max(axis=1, initial=0.0)
+            history = with_attached_forces(history, system)
             if len(history.base_disp):
                 of_nodes = node_peaks(history.base_disp, settings.steps.base)
             else:

@@ -109,7 +109,7 @@ def test_weights_balance_about_the_middle_of_the_dam(dam, make):
         "supports": [{"block": name, "face": "zmin"} for name in "ab"],
         "loads": {"gravity": [0, 0, -9.7]},
     }
-    found = balance_at_rest(make(raw), np.zeros((0, 1)), np.zeros(0), dam)
+    found = balance_at_rest(make(raw), np.zeros((0, 1)), np.zeros(0), dam, np.zeros(0))
     W = {"a": 2400 * 6 * 9.7, "b": 2400 * 5 * 9.7}
     middle = {"a": np.array([1, 0.5, 1.5]), "b": np.array([5.5, 1.0, 2.5])}
     about = np.array([3.0, 0.75, 2.5]) if len(dam) == 2 else middle["b"]

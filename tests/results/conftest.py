@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix, eye
 from romdam import open_result
 from romdam.config import load_config
 from romdam.config.load import Job
+from romdam.core.attachment import Attachment
 from romdam.core.basis import BlockBasis
 from romdam.core.motion import ForceSignal, GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
@@ -94,6 +95,8 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
         integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
+        attached=1e6 * (1.0 + time[:, None]),
+        attached_peaks=np.array([[1e6], [1e6 * (1.0 + time[-1])]]),
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
         uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0), built=built,
@@ -141,6 +144,8 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     push = ForceHistory(
         "left", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.arange(2.0), np.ones(2))
     )
+    zero, one = np.zeros(1), np.ones(1)
+    anchor = Attachment("anchors", "A", {"left": csr_matrix((1, 24))}, one, zero, zero, one, zero)
     scene = Scene(
         blocks,
         found,
@@ -152,6 +157,7 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
         make_sites(),
         moving=moving,
         force_histories=(push,),
+        attachments=(anchor,),
     )
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, eye
 
+from romdam.core.attachment import Attachment
 from romdam.core.motion import ForceSignal, GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import (
     Block,
@@ -150,7 +151,16 @@ def make_scene():
     push = ForceHistory(
         "low", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.ones(2), np.ones(2))
     )
-    rest = {"moving": moving, "force_histories": (push,)}
+    # a gate has no force of its own; the pad, of another effect, stands between two anchors
+    none, one = np.zeros(1), np.ones(1)
+    rows = {"low": csr_matrix((1, 24))}
+    attachments = (
+        Attachment("masses", "gate", rows, none, none, one, none, none),
+        Attachment("anchors", "north", rows, one, none, none, none, none),
+        Attachment("pads", "p", rows, none, one, none, none, none),
+        Attachment("anchors", "south", rows, none, none, none, one, none),
+    )
+    rest = {"moving": moving, "force_histories": (push,), "attachments": attachments}
     return Scene(blocks, joints, held, (), (), np.zeros(3), probes, sites, **rest)
 
 
@@ -200,7 +210,8 @@ def make_history():
         coordinates=Coordinates.of(rows_of(MOVED, [3, 7]), rows_of(MOVED, [5, 11])), energy=energy,
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
-        forces=rows_of(LOAD, [6e3]),
+        forces=rows_of(LOAD, [6e3]), attached=rows_of(LOAD, [2e3, 3e3, 5e3]),
+        attached_peaks=np.array([[1e3, 2e3, 3e3], [9e3, 13e3, 21e3]]),
         uplift=uplift, built=built, balance=balance, ground_peak=np.array([1.5, 2.5, 3.5]),
         node_peaks=np.array([MM * np.array([3, 6, 9, 1.5, 3, 12]), [0.2, 0.3, 0.5, 0.7, 1.1, 1.3]]),
     )  # fmt: skip
@@ -256,6 +267,7 @@ EXPECTED_COORDINATES = {
     "body_middle": (WHOLE, [[1, 2, 3], [4, 5, 6]]),
     "support_delay": (WHOLE, [0.1]),
     "force_history": (WHOLE, ["loads.force_history[0]"]),
+    "anchor": (WHOLE, ["north", "south"]),
     "node_block": (WHOLE, ["high", "low"]),
     "node_position": (WHOLE, [[2, 3, 6], [2, 3, 5]]),
     "floor_place": (WHOLE, ["gate"]),
@@ -341,6 +353,9 @@ EXPECTED_OF_MOTION = {
     "velocity": (2, [[-30, 60, -90], [-15, 30, -120]]),
     "acceleration": (2, [[-600, 1200, -1800], [-300, 600, -2400]]),
     "applied_force": (3, [24e3]),
+    "anchor_force": (3, [8e3, 20e3]),
+    "anchor_force_least": (WHOLE, [1e3, 3e3]),
+    "anchor_force_largest": (WHOLE, [9e3, 21e3]),
     "ground_acceleration": (3, [0.8, 1.2, 2.0]),
     "support_displacement": (3, [[28, 32, 36]]),
     **{f"energy_{term}": (slice(3, 6), number * np.array([4, 2, 2.5])) for term, number in TERMS.items()},
@@ -471,6 +486,8 @@ EXPECTED_ROWS = {
     # A along its plane: x (2 3 + 5 2)/7, z 2 4/7. B: (1.5, 3, 13.5)/5.5 less its part along the mean normal,
     # that of 3 (0, 1, 0) + 2.5 (0, 0.6, 0.8) = (0, 4.5, 2)
     "residual_sliding": (WHOLE, [MM * 320**0.5 / 7, MM * (193.5 - 40.5**2 / 24.25) ** 0.5 / 5.5]),
+    "anchor_force_least": (WHOLE, [1e3, 3e3]),
+    "anchor_force_largest": (WHOLE, [9e3, 21e3]),
     "peak_displacement": (WHOLE, MM * np.array([[3, 6, 9], [1.5, 3, 12]])),
     **{
         name: EXPECTED_OF_FLOORS[name]

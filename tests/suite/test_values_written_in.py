@@ -110,6 +110,14 @@ def jobs() -> dict[str, dict[str, Any]]:
         "tables": base | {"joints": {"gap": JOINT | {
             "normal_stiffness": {"per_gap": "1 GN/m"}, "gap": {"table": "gaps.csv"}, "friction": 0.5,
             "field": {"of": ["friction"], "coefficient_of_variation": 0.3, "length": "4 m"}}}},
+        "attached": base | {
+            "anchors": {
+                "bar": {"head": {"block": "left", "at": [2, -2, 20]}, "foot": [2, -2, -5], "E": 2e11,
+                        "area": "30 cm2", "pretension": 1e6, "loss": 0.1},
+                "tendon": {"head": {"block": "right", "at": [2, 6, 18]}, "foot": [2, 9, -5],
+                           "stiffness": 4e7},
+            },
+            "masses": {"gate": {"block": "right", "face": "ymax", "mass": "300 t"}}},
         "water": base | {"water": {"level": 12, "faces": FACES, "model": "westergaard"}},
         "cut": base | {"cut": {"right": {"along": [PLANE], "into": ["near.side", "far"],
                                          "joints": {k: v for k, v in JOINT.items() if k != "between"}}},

@@ -20,6 +20,7 @@ from romdam.config.quantities import (
     Pressure,
     Time,
 )
+from romdam.config.sections.attachments import AnchorConfig, MassConfig
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.construction import ConstructionStageConfig
 from romdam.config.sections.floor_spectra import FloorSpectraConfig
@@ -260,6 +261,10 @@ class Sections(Model):
     """Joints by name; that of the name `touching` stands for all between blocks that touch."""
     ties: dict[Name, TieConfig] = Field(default_factory=dict)
     loads: LoadsConfig = LoadsConfig()
+    anchors: dict[Name, AnchorConfig] = Field(default_factory=dict)
+    """Bars and tendons between two points."""
+    masses: dict[Name, MassConfig] = Field(default_factory=dict)
+    """Masses of gates, piers and equipment on blocks."""
     construction: tuple[ConstructionStageConfig, ...] = ()
     """Stages in which the dam was built, before the loads act together."""
     water: WaterConfig | None = None

@@ -28,7 +28,7 @@ _NOTHING = 1e-12  # weights and cosines below it are rounding
 _OF_SCENE = {
     "blocks", "joints", "fixed", "pressures", "forces", "gravity", "probes", "stress", "ties", "water",
     "warmed", "excluded_from_gravity", "radiating", "free_field", "staged_weight", "reservoir", "moving",
-    "force_histories", "initial", "construction", "remarks", "load_order",
+    "force_histories", "initial", "construction", "attachments", "remarks", "load_order",
 }  # fmt: skip
 _OF_BLOCK = {
     "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",

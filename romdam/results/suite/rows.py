@@ -15,6 +15,7 @@ from romdam.core.version import SOURCE
 from romdam.postprocess.sliding import REST, row_seconds
 from romdam.postprocess.stress.faces import HEADLINE
 from romdam.postprocess.stress.summary import MEASURES as STRESS
+from romdam.results.attached import ATTACHED_VARIABLES
 from romdam.results.case import Array, Case, Variable
 from romdam.results.floor_variables import FLOOR_VARIABLES
 from romdam.results.sliding import SLIDING_ROWS
@@ -174,6 +175,7 @@ ROWS: dict[str, Variable] = {
     ),
     **SLIDING_ROWS,
     "peak_displacement": VARIABLES["peak_displacement"],
+    **{name: of for name, of in ATTACHED_VARIABLES.items() if "time" not in of.dims},
     **{
         name: FLOOR_VARIABLES[name]
         for name in ("floor_peak_acceleration", "floor_spectrum", "floor_spectrum_error")

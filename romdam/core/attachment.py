@@ -1,0 +1,113 @@
+"""What is attached to blocks beside their elements: springs, dashpots and masses.
+
+An anchor is a spring on the distance of two points, a pad between two blocks a dashpot on it, a gate a mass
+on the mean motion of a face. Each is the same few numbers on a displacement e = sum over blocks of rows @ u,
+so that mass, damping, stiffness, loads and what is recorded follow from them, on the mesh and on reduced
+coordinates (`romdam.effects.attachments`). What makes them of a configuration is
+`romdam.scene.attachments.BUILDERS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix, vstack
+
+from romdam.core.arrays import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Springs, dashpots and masses on displacements e (k,) of blocks, each on its own.
+
+    The force on the blocks is rows^T f with f = weight - tension - stiffness e - damping e' - mass e''.
+
+    Attributes
+    ----------
+    effect : its name in `romdam.config.effects.EFFECTS`
+    name : of the one, unique within its effect
+    rows : block name -> (k, 3 nodes) sparse, e of its displacement
+    stiffness, damping, mass : (k,) each [N/m], [N s/m], [kg]
+    tension : (k,) static force at e = 0, which pulls e back [N]
+    weight : (k,) static force along e, which acts with the weight of the blocks [N]
+    limits : (least, largest) force tension + stiffness e + damping e' beyond which it would not be what it
+        is, such as 0 of a tendon, which is told [N]
+    key : of the configuration, for messages
+    """
+
+    effect: str
+    name: str
+    rows: Mapping[str, csr_matrix]
+    stiffness: Floats
+    damping: Floats
+    mass: Floats
+    tension: Floats
+    weight: Floats
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    key: str = ""
+
+    def __len__(self) -> int:
+        return len(self.stiffness)
+
+    def with_ground(self, still: Collection[str]) -> Floats:
+        """(k, 3) of e in unit translations of all blocks but some, which the ground does not shake."""
+        moved = np.zeros((len(self), 3))
+        for name, rows in self.rows.items():
+            if name not in still:
+                moved += rows @ np.tile(np.eye(3), (rows.shape[1] // 3, 1))
+        return moved
+
+    @property
+    def bears(self) -> bool:
+        """Tell whether it has a force to be recorded: a spring, a dashpot or a tension."""
+        return bool(self.stiffness.any() or self.damping.any() or self.tension.any())
+
+
+def stacked_rows(attachments: Sequence[Attachment], sizes: Mapping[str, int]) -> dict[str, csr_matrix]:
+    """Block name -> rows of all attachments, one after another, (k of all, 3 nodes); of blocks that have any.
+
+    Parameters
+    ----------
+    sizes : block name -> its number of DOFs
+    """
+    names = [name for name in sizes if any(name in one.rows for one in attachments)]
+    return {
+        name: csr_matrix(
+            vstack([one.rows.get(name, csr_matrix((len(one), sizes[name]))) for one in attachments])
+        )
+        for name in names
+    }
+
+
+def of_all(attachments: Sequence[Attachment], name: str) -> Floats:
+    """(k of all,) a number of each row of all attachments, such as its stiffness."""
+    return np.concatenate([np.zeros(0), *(getattr(one, name) for one in attachments)])
+
+
+@dataclass(frozen=True)
+class BearingRows:
+    """Forces of attachments that a run records, from the rows of `System.observe` that give their e.
+
+    Attributes
+    ----------
+    first : of these rows
+    owner : (k,) number of the attachment that each belongs to
+    stiffness, damping, tension : (k,) as `Attachment` has them
+    """
+
+    first: int
+    owner: Ints
+    stiffness: Floats
+    damping: Floats
+    tension: Floats
+
+    @property
+    def rows(self) -> slice:
+        """Of what is observed."""
+        return slice(self.first, self.first + len(self.stiffness))
+
+    def force(self, e: Floats, rate: Floats) -> Floats:
+        """(nt, k) force that pulls e back, for e and its rate (nt, k) [N]."""
+        return self.tension + e * self.stiffness + rate * self.damping

@@ -1,0 +1,157 @@
+"""What a configuration attaches to the blocks of a scene: anchors and masses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from romdam.config.job import Config
+from romdam.config.sections.attachments import AnchorConfig, PointConfig
+from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.attachment import Attachment
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Block
+from romdam.scene.points import face_weights, point_weights
+from romdam.scene.select import select_facets
+
+
+@dataclass(frozen=True)
+class AttachmentPlaces:
+    """What builders of attachments see of a scene.
+
+    Attributes
+    ----------
+    blocks : name -> Block
+    fixed : block name -> (n, 3) True where a support holds the component
+    gravity : (3,) acceleration that makes weight [m/s2]
+    source : name of the configuration file, for messages
+    """
+
+    blocks: Mapping[str, Block]
+    fixed: Mapping[str, Bools]
+    gravity: Floats
+    source: str
+
+    def along(self, point: PointConfig, direction: Floats, key: str) -> csr_matrix:
+        """(r, 3 nodes) displacement of a point of its block along directions (r, 3)."""
+        block = self.blocks[point.block]
+        nodes, weights = point_weights(block, point.at, point.tolerance, f"{self.source}: {key}")
+        return rows_of(block, nodes, weights, direction)
+
+    def refuse_held(self, rows: Mapping[str, csr_matrix], key: str) -> None:
+        """Refuse what supports hold wholly, so that it would do nothing.
+
+        Raises
+        ------
+        ConfigError
+            with the key.
+        """
+        if not any(
+            abs(of_block[:, ~self.fixed[name].ravel()]).sum() > 0.0 for name, of_block in rows.items()
+        ):
+            raise ConfigError(
+                f"{self.source}: {key}: supports hold every node that it acts on, limit some that move: it "
+                "would do nothing; name another place, or leave it out"
+            )
+
+
+Builder = Callable[[Config, AttachmentPlaces], list[Attachment]]
+
+
+def build_attachments(config: Config, places: AttachmentPlaces) -> tuple[Attachment, ...]:
+    """Everything that a configuration attaches to the blocks.
+
+    Raises
+    ------
+    ConfigError
+        for places that are not in the blocks, and what supports hold.
+    """
+    return tuple(one for build in BUILDERS.values() for one in build(config, places))
+
+
+def rows_of(block: Block, nodes: Ints, weights: Floats, direction: Floats) -> csr_matrix:
+    """(r, 3 nodes) weighted displacement of nodes (m,) of a block along directions (r, 3)."""
+    values = direction[:, None, :] * weights[:, None]  # (r, m, 3)
+    columns = 3 * nodes[:, None] + np.arange(3)
+    row = np.broadcast_to(np.arange(len(direction))[:, None, None], values.shape)
+    places = np.broadcast_to(columns, values.shape)
+    return csr_matrix((values.ravel(), (row.ravel(), places.ravel())), (len(direction), block.points.size))
+
+
+def _anchors(config: Config, places: AttachmentPlaces) -> list[Attachment]:
+    return [_anchor(name, anchor, places) for name, anchor in config.anchors.items()]
+
+
+def _anchor(name: str, anchor: AnchorConfig, places: AttachmentPlaces) -> Attachment:
+    """Its elongation: how far its ends go apart along its axis."""
+    key, foot = f"anchors.{name}", anchor.foot
+    ends = np.array([anchor.head.at, foot.at if isinstance(foot, PointConfig) else foot])
+    axis = ends[0] - ends[1]
+    length = float(np.linalg.norm(axis))
+    if length <= anchor.head.tolerance:
+        raise ConfigError(
+            f"{places.source}: {key}: its ends are {length:.3g} m apart, limit more than the tolerance of "
+            f"{anchor.head.tolerance:g} m, so that it has a direction; name two places"
+        )
+    direction = (axis / length)[None]
+    rows = {anchor.head.block: places.along(anchor.head, direction, f"{key}.head")}
+    if isinstance(foot, PointConfig):
+        of_foot = -places.along(foot, direction, f"{key}.foot")
+        rows[foot.block] = rows[foot.block] + of_foot if foot.block in rows else of_foot
+    places.refuse_held(rows, key)
+    none = np.zeros(1)
+    return Attachment(
+        effect="anchors",
+        name=name,
+        rows=rows,
+        stiffness=np.array([anchor.stiffness_over(length)]),
+        damping=none,
+        mass=none,
+        tension=np.array([(1.0 - anchor.loss) * anchor.pretension]),
+        weight=none,
+        limits=(0.0 if anchor.pretension else -np.inf, anchor.strength or np.inf),
+        key=key,
+    )
+
+
+def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
+    """Masses on the mean displacement of a place along x, y and z."""
+    made = []
+    for name, lumped in config.masses.items():
+        key, block = f"masses.{name}", places.blocks[lumped.block]
+        if lumped.at is not None:
+            point = PointConfig(block=lumped.block, at=lumped.at, tolerance=lumped.tolerance)
+            rows = {lumped.block: places.along(point, np.eye(3), f"{key}.at")}
+        else:
+            assert lumped.face is not None
+            facets = select_facets(block, lumped.face, f"{places.source}: {key}.face")
+            weights, _ = face_weights(block, facets)
+            some = np.flatnonzero(weights)
+            rows = {lumped.block: rows_of(block, some, weights[some], np.eye(3))}
+        if block.material.rho == 0.0 and block.matrices is None:
+            raise ConfigError(
+                f"{places.source}: {key}: block {lumped.block!r} has no mass, and its reduced model no "
+                "inertia that this one's could be added to; name another block, or leave out `mass: false`"
+            )
+        places.refuse_held(rows, key)
+        none = np.zeros(3)
+        made.append(
+            Attachment(
+                effect="masses",
+                name=name,
+                rows=rows,
+                stiffness=none,
+                damping=none,
+                mass=np.full(3, lumped.mass),
+                tension=none,
+                weight=lumped.mass * places.gravity,
+                key=key,
+            )
+        )
+    return made
+
+
+BUILDERS: dict[str, Builder] = {"anchors": _anchors, "masses": _masses}

@@ -1,0 +1,407 @@
+"""Anchors, masses and dashpots on blocks, by closed forms, by hand, and by an integration of their own."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+import yaml
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.sparse import csr_matrix
+from simulating import simulated
+from suite_jobs import BASE, made, summary, write_job
+
+import romdam
+from romdam.config import parse_config
+from romdam.config.effects import EFFECTS
+from romdam.config.sections.job import DampingConfig
+from romdam.core.attachment import Attachment
+from romdam.core.errors import ConfigError
+from romdam.core.scene import Scene
+from romdam.effects.full_order import assemble_full
+from romdam.geometry.elements import ELEMENTS
+from romdam.reduction.mode_choice import ALL_MODES
+from romdam.reduction.natural_modes import natural_modes
+from romdam.reduction.synthesis import reduce_scene
+from romdam.scene.build import build_scene
+from romdam.scene.points import point_weights
+
+E, RHO, L, AREA = 20e9, 2500.0, 40.0, 4.0
+BAR = {
+    "materials": {"bar": {"E": E, "nu": 0.0, "rho": RHO}},
+    "blocks": {
+        "bar": {
+            "material": "bar",
+            "box": {"origin": [0, 0, 0], "size": [L, 2, 2], "element_size": [2, 2, 2], "element": "hex20"},
+        }
+    },
+    "supports": [{"block": "bar", "face": "xmin"}],
+    "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"x": 1}}],
+    "model": {"modes": "all"},
+    "transient": {"finest_step": 0.01},
+    "outputs": {"nodes": {"end": {"block": "bar", "at": [L, 0, 0]}}},
+}
+LONE = DampingConfig()
+
+
+def scene_of(raw: dict[str, Any]) -> Scene:
+    return build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+
+
+def both(scene: Scene, damping: DampingConfig = LONE) -> list[Any]:
+    return [assemble_full(scene, damping), reduce_scene(scene, ALL_MODES, damping).system]
+
+
+def end_face_dashpot(scene: Scene, c: float) -> Attachment:
+    """A dashpot on the mean motion of the bar's end along it."""
+    block, none = scene.blocks["bar"], np.zeros(1)
+    end = np.flatnonzero(block.points[:, 0] > L - 1e-9)
+    # consistent shares of an 8-node facet: -1/12 at corners, 1/3 at middles
+    corner = np.isin(block.points[end, 1], (0.0, 2.0)) & np.isin(block.points[end, 2], (0.0, 2.0))
+    rows = np.zeros((1, block.points.size))
+    rows[0, 3 * end] = np.where(corner, -1.0 / 12.0, 1.0 / 3.0)
+    return Attachment("pads", "end", {"bar": csr_matrix(rows)}, none, np.array([c]), none, none, none)
+
+
+@pytest.mark.parametrize("share", [0.1, 1.0, 8.0])
+def test_frequency_of_a_bar_with_a_mass_at_its_end(share):
+    """z tan z = m L / M with z = omega L / c, of a bar of mass m L; 1e-4 of the frequency on 20 hex20."""
+    raw = BAR | {"masses": {"gate": {"block": "bar", "face": "xmax", "mass": share * RHO * AREA * L}}}
+    z = brentq(lambda z: z * np.tan(z) - 1.0 / share, 1e-6, np.pi / 2 - 1e-9)
+    exact = z * np.sqrt(E / RHO) / L / (2 * np.pi)
+    scene = scene_of(raw)
+    modes = natural_modes(scene, LONE, 12)
+    along = modes.freq[modes.motion[:, 0] > 0.99]
+    assert abs(along[0] / exact - 1.0) < 1e-4
+    system = reduce_scene(scene, ALL_MODES, LONE).system
+    assert np.abs(np.sqrt(system.K.diagonal()) / (2 * np.pi) / exact - 1.0).min() < 1e-4
+    assert modes.total_mass == pytest.approx((1.0 + share) * RHO * AREA * L)
+
+
+@pytest.mark.parametrize("stiffness", [2e8, 2e9, 4e10])
+def test_bar_with_an_anchor_at_its_end_under_its_weight(stiffness):
+    """u(L) = (q L^2 / 2 - T L) / (E A + k L); its frequency by tan z = -z E A / (k L)."""
+    q, tension = RHO * AREA * 9.81, 0.8 * 3e6
+    raw = BAR | {
+        "loads": {"gravity": [9.81, 0, 0]},
+        "anchors": {
+            "A": {
+                "head": {"block": "bar", "at": [L, 1, 1]},
+                "foot": [L - 25.0, 1, 1],
+                "stiffness": stiffness,
+                "pretension": 3e6,
+                "loss": "20 %",
+            }
+        },
+    }
+    raw = json.loads(json.dumps(raw))
+    raw["blocks"]["bar"]["box"]["element"] = "hex8"  # whose middle is the mean of its corners
+    flexible = L / (E * AREA)
+    u = (q * L**2 / (2 * E * AREA) - tension * flexible) / (1.0 + stiffness * flexible)
+    z = brentq(lambda z: np.sin(z) * stiffness * L + z * E * AREA * np.cos(z), np.pi / 2, np.pi - 1e-9)
+    exact = z * np.sqrt(E / RHO) / L / (2 * np.pi)
+    scene = scene_of(raw)
+    for system in both(scene):
+        history = simulated(system, np.zeros((3, 21)), 0.01, "generalized_alpha", initial_state="static")
+        assert history.disp[:, 0] == pytest.approx(u, rel=1e-9)
+        assert history.attached[:, 0] == pytest.approx(tension + stiffness * u, rel=1e-9)
+        assert history.attached_peaks[:, 0] == pytest.approx(tension + stiffness * u, rel=1e-9)
+    modes = natural_modes(scene, LONE, 12)
+    assert abs(modes.freq[modes.motion[:, 0] > 0.99][0] / exact - 1.0) < 2e-3  # hex8
+
+
+@pytest.mark.parametrize("reduced", [False, True])
+def test_dashpot_of_the_impedance_lets_a_wave_out(reduced):
+    """A bar that ends in c = A sqrt(E rho), shaken by a pulse: no wave comes back from its end.
+
+    Relative to the base the solution is that of a half-infinite bar whose mass is shaken over L only; at the
+    end u(t) = integral of -a over the paths of waves, here by the method of characteristics.
+    """
+    scene = scene_of(BAR)
+    pad = end_face_dashpot(scene, AREA * np.sqrt(E * RHO))
+    scene = replace(scene, attachments=(pad,))
+    dt, n = 2e-4, 400
+    t = dt * np.arange(n)
+    pulse = np.where(t < 0.02, 5.0 * np.sin(np.pi * t / 0.02) ** 2, 0.0)
+    system = both(scene)[reduced]
+    history = simulated(system, np.stack([pulse, 0 * t, 0 * t]), dt, "generalized_alpha")
+    # right-going and left-going characteristics: v -+ c e stay but for -a; u = 0 at x = 0, v = -c e at x = L
+    c = np.sqrt(E / RHO)
+    cells = 400
+    h = L / cells / c
+    right, left = np.zeros(cells), np.zeros(cells)  # (v - c e) / 2 moves right, (v + c e) / 2 left
+    speed, when = [0.0], [0.0]
+    for step in range(int(t[-1] / h)):
+        a = np.interp((step + 0.5) * h, t, pulse)
+        at_foot, at_end = left[0], right[-1]
+        right, left = np.append(-at_foot, right[:-1]), np.append(left[1:], 0.0)
+        right, left = right - a * h / 2.0, left - a * h / 2.0
+        speed.append(at_end - a * h / 2.0)
+        when.append((step + 1) * h)
+    end = np.concatenate([[0.0], np.cumsum(np.array(speed[1:])) * h])
+    exact = np.interp(t, when, end)
+    assert np.abs(history.disp[:, 0] - exact).max() < 0.01 * np.abs(exact).max()
+    assert history.stats["ledger_imbalance"] < 1e-10
+    late = t > 0.02 + 2.2 * L / c
+    assert np.abs(history.vel[late, 0]).max() < 0.01 * np.abs(history.vel[:, 0]).max()
+
+
+def test_anchors_and_masses_against_an_integration_of_their_own():
+    """Two blocks apart, tied by an anchor, with a gate: the element matrices and R by hand, steps of 1e-9."""
+    raw = {key: value for key, value in BASE.items() if key not in ("pipeline", "damping")} | {
+        "joints": {"gap": BASE["joints"]["gap"] | {"gap": "1 m"}},
+        "anchors": {
+            "A": {
+                "head": {"block": "left", "at": [5, -5, 15]},
+                "foot": {"block": "right", "at": [0, 10, 20]},
+                "stiffness": 3e8,
+                "pretension": 4e5,
+            }
+        },
+        "masses": {"gate": {"block": "right", "at": [5, 5, 20], "mass": 2e5}},
+        "loads": {"gravity": [0, 0, -9.81]},
+    }
+    scene = scene_of(raw)
+    without = {key: value for key, value in raw.items() if key not in ("anchors", "masses")}
+    bare = assemble_full(scene_of(without), LONE)
+    system, reduced = both(scene)
+    # R by hand: nodes by their position, in the numbering of the bare system
+    probes = {"head": ("left", [5, -5, 15]), "foot": ("right", [0, 10, 20]), "gate": ("right", [5, 5, 20])}
+    seen = without | {
+        "outputs": {"nodes": {name: {"block": b, "at": at} for name, (b, at) in probes.items()}}
+    }
+    at = assemble_full(scene_of(seen), LONE).observe.toarray().reshape(3, 3, -1)
+    axis = np.array([5, -5, 15.0]) - [0, 10, 20]
+    axis /= np.linalg.norm(axis)
+    R, G = axis @ (at[0] - at[1]), at[2]
+    M = bare.M.toarray() + 2e5 * G.T @ G
+    K = bare.K.toarray() + 3e8 * np.outer(R, R)
+    static = bare.force - 4e5 * R - 2e5 * 9.81 * G[2]
+    shaken = bare.load + 2e5 * G.T
+    t = 0.01 * np.arange(31)
+    ground = np.stack([f * np.sin(w * t) for f, w in ((3.0, 20.0), (4.0, 33.0), (2.0, 41.0))])
+    rest, inverse = np.linalg.solve(K, static), np.linalg.inv(M)
+    size = len(rest)
+
+    def rate(time, y):
+        a = np.array([np.interp(time, t, row) for row in ground])
+        return np.concatenate([y[size:], inverse @ (static - K @ y[:size] - shaken @ a)])
+
+    start = np.concatenate([rest, np.zeros(size)])
+    exact = solve_ivp(rate, (0.0, t[-1]), start, "DOP853", t_eval=t, rtol=1e-9, atol=1e-12).y[:size].T
+    force = 4e5 + 3e8 * exact @ R
+    history = simulated(reduced, ground, 0.01, "modal", initial_state="static")
+    scale = np.abs(exact - rest).max()
+    assert np.abs(history.q @ reduced_probe(reduced).T - exact @ bare.observe.T).max() < 1e-6 * scale
+    assert np.abs(history.attached[:, 0] - force).max() < 1e-6 * np.abs(force - force[0]).max()
+    least, largest = history.attached_peaks[:, 0]
+    assert least <= force.min() + 1e-6 * np.ptp(force) and largest >= force.max() - 1e-6 * np.ptp(force)
+    fine = simulated(system, np.stack([np.interp(np.arange(6001) * 5e-5, t, row) for row in ground]), 5e-5,
+                     "generalized_alpha", stride=200, initial_state="static")  # fmt: skip
+    assert np.abs(fine.attached[:, 0] - force).max() < 5e-3 * np.abs(force - force[0]).max()
+
+
+def reduced_probe(system: Any) -> np.ndarray:
+    return system.observe[system.of_probes].toarray()
+
+
+@pytest.mark.parametrize("element", ["hex8", "hex20", "hex27", "tet4", "tet10", "wedge6", "wedge15"])
+def test_a_point_in_an_element_is_the_mean_that_its_functions_make(element):
+    """A displacement that is linear in the position is met wherever the point is; so are the weights' sum."""
+    raw = {
+        "materials": {"m": {"E": 1e9, "nu": 0.2, "rho": 2000}},
+        "blocks": {"b": {"material": "m", "box": {
+            "origin": [1, 2, 3], "size": [4, 6, 2], "element_size": [2, 2, 1], "element": element}}},
+        "supports": [{"block": "b", "face": "zmin"}],
+        "records": BAR["records"], "model": {"modes": 3}, "transient": {"finest_step": 0.01},
+    }  # fmt: skip
+    assert element in ELEMENTS
+    block = scene_of(raw).blocks["b"]
+    gradient, rng = np.array([[1.0, 2, 3], [-4, 5, 6], [7, -8, 9]]), np.random.default_rng(4)
+    for point in rng.uniform([1, 2, 3], [5, 8, 5], (20, 3)):
+        nodes, weights = point_weights(block, tuple(point), 1e-6, "here")
+        assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+        np.testing.assert_allclose(weights @ block.points[nodes] @ gradient, point @ gradient, atol=1e-9)
+    # a little outside it goes on; farther it is refused with the place
+    nodes, weights = point_weights(block, (5.03, 4.2, 3.9), 0.05, "here")
+    np.testing.assert_allclose(weights @ block.points[nodes], (5.03, 4.2, 3.9), atol=1e-9)
+    with pytest.raises(
+        ConfigError, match=r"here: \(5.2, 4, 4\) is outside its elements, by 0.2 m, limit 0.05 m"
+    ):
+        point_weights(block, (5.2, 4.0, 4.0), 0.05, "here")
+
+
+def test_a_spring_holds_what_only_joints_held_before():
+    """A block on a frictionless base floats sideways until anchors stop it; reduced as at full order."""
+    raw = {
+        "materials": {"m": {"E": 2e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            name: {
+                "material": "m",
+                "box": {"origin": [0, 0, z], "size": [4, 4, h], "element_size": [2, 2, 2]},
+            }
+            for name, z, h in (("ground", -2, 2), ("block", 0, 4))
+        },
+        "supports": [{"block": "ground", "face": "zmin"}],
+        "joints": {"base": {"between": ["ground", "block"], "normal_stiffness": "20 GPa/m"}},
+        "loads": {"gravity": [0, 0, -9.81]},
+        "records": BAR["records"],
+        "model": {"modes": "all"},
+        "transient": {"finest_step": 0.01},
+        "damping": {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.05}},
+    }
+    places = {
+        "a": ([4, 1, 3], [9, 1, 3]), "b": ([1, 4, 3], [1, 9, 3]), "c": ([3, 4, 1], [3, 9, 1]),
+        "d": ([1, 1, 4], [1, 1, 9]), "e": ([3, 1, 4], [3, 1, 9]), "f": ([2, 3, 4], [2, 3, 9]),
+    }  # fmt: skip
+    for count, floats in ((0, True), (3, True), (5, True), (6, False)):
+        anchors = {
+            name: {"head": {"block": "block", "at": head}, "foot": foot, "stiffness": 5e7}
+            for name, (head, foot) in list(places.items())[:count]
+        }
+        scene = scene_of(raw | {"anchors": anchors})
+        damping = parse_config(raw, "s.yaml").damping
+        full, reduced = both(scene, damping)
+        assert full.floating is reduced.floating is floats
+        if floats and not count:
+            continue
+        t = 0.01 * np.arange(61)
+        ground = np.stack([2.0 * np.sin(9 * t), 1.5 * np.sin(11 * t), 0 * t])
+        a, b = (simulated(one, ground, 0.01, "generalized_alpha") for one in (full, reduced))
+        assert np.abs(a.jump - b.jump).max() < 1e-8 * np.abs(a.jump).max()
+        assert np.abs(a.attached - b.attached).max() < 1e-7 * np.abs(a.attached).max()
+        for name in ("damping", "strain", "kinetic"):
+            np.testing.assert_allclose(a.energy[name], b.energy[name], rtol=1e-6, atol=1e-9)
+
+
+def test_anchor_to_rock_without_mass():
+    """Its foot follows the rock's static answer at once: reduced as at full order."""
+    raw = {
+        "materials": {"m": {"E": 2e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            name: {
+                "material": "m",
+                "mass": name != "ground",
+                "box": {"origin": [0, 0, z], "size": [4, 4, h], "element_size": [2, 2, 2]},
+            }
+            for name, z, h in (("ground", -4, 4), ("block", 0, 4))
+        },
+        "supports": [{"block": "ground", "face": "zmin"}],
+        "joints": {
+            "base": {"between": ["ground", "block"], "normal_stiffness": "20 GPa/m", "friction": 0.8,
+                     "shear_stiffness": "10 GPa/m"}
+        },
+        "loads": {"gravity": [0, 0, -9.81]},
+        "records": BAR["records"],
+        "model": {"modes": "all"},
+        "transient": {"finest_step": 0.01},
+        "anchors": {
+            "down": {
+                "head": {"block": "block", "at": [1, 1, 3.7]},
+                "foot": {"block": "ground", "at": [2, 1.4, -3]},
+                "stiffness": 4e9, "pretension": 3e5,
+            }
+        },
+    }  # fmt: skip
+    scene = scene_of(raw)
+    full, reduced = both(scene)
+    assert (reduced.M.diagonal() == 0.0).any()
+    t = 0.005 * np.arange(101)
+    ground = np.stack([6.0 * np.sin(19 * t), 3.0 * np.sin(31 * t), 0 * t])
+    a, b = (simulated(one, ground, 0.005, "generalized_alpha") for one in (full, reduced))
+    assert (a.state == 0).any() and np.ptp(a.attached) > 1e4
+    assert np.abs(a.jump - b.jump).max() < 1e-7 * np.abs(a.jump).max()
+    assert np.abs(a.attached - b.attached).max() < 1e-7 * np.ptp(a.attached)
+    with pytest.raises(ConfigError, match=r"masses.m: block 'ground' has no mass"):
+        scene_of(raw | {"masses": {"m": {"block": "ground", "at": [1, 1, -1], "mass": 100.0}}})
+
+
+RIGHT = {"head": {"block": "right", "at": [2.5, 5, 20]}, "foot": [2.5, 5, -10], "stiffness": 2e7}
+
+
+def job(tmp_path: Path, **sections: Any) -> Path:
+    base = {key: value for key, value in BASE.items() if key not in ("pipeline",)}
+    path = write_job(tmp_path, 1)
+    path.write_text(yaml.safe_dump(base | {"loads": {"gravity": [0, 0, -9.81]}} | sections))
+    return path
+
+
+def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
+    """Forces at every row, their peaks, warnings of both limits, and a balance that holds with them."""
+    slack = RIGHT | {"pretension": 1e3, "strength": 4e4}
+    path = job(tmp_path, anchors={"A": RIGHT | {"pretension": "2 MN"}, "B": slack})
+    result = romdam.run(path, tmp_path / "out").results[0].path
+    data = xr.load_dataset(result)
+    assert data.anchor.values.tolist() == ["A", "B"] and data.anchor_force.dims == ("time", "anchor")
+    force = data.anchor_force.values
+    assert (data.anchor_force_least.values <= force.min(axis=0)).all()
+    assert (data.anchor_force_largest.values >= force.max(axis=0)).all()
+    np.testing.assert_allclose(np.diff(force, axis=1), 1e3 - 2e6)  # springs alike
+    said = " ".join(json.loads(data.attrs["run_warnings"]))
+    assert "anchors.B goes slack: its force falls to" in said and "anchors.A" not in said
+    assert data.imbalance_at_rest.values.max() < 1e-9
+    # at rest the right block's supports bear its weight and what the anchors pull down
+    k = data.body.values.tolist().index("right")
+    weight = 2440.0 * 5 * 10 * 20 * 9.81
+    assert (data.supports_at_rest + data.joints_at_rest).values[k, 2] == pytest.approx(
+        weight + force[0].sum(), rel=1e-9
+    )
+
+
+def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
+    """Peaks of openings and of anchors' forces, within 1e-9 of the job with the values written in."""
+    sections = {
+        "anchors": {"A": RIGHT | {"pretension": "2 MN"}},
+        "masses": {"gate": {"block": "right", "face": "ymax", "mass": "300 t"}},
+        "loads": {"gravity": [0, 0, -9.81]},
+    }
+    parameters = {
+        "T": {"path": "anchors.A.pretension", "values": ["1 MN", "3 MN"]},
+        "m": {"path": "masses.*.mass", "values": ["100 t", "500 t"]},
+    }
+    path = write_job(tmp_path, 1, {"parameters": parameters}, **sections)
+    made(path, tmp_path / "suite")
+    rows = summary(tmp_path / "suite")
+    assert rows.anchor_force_largest.dims[-1] == "anchor" and len(rows.sample) == 4
+    for k in range(4):
+        tension, mass = (float(rows[f"parameter_{name}"][k]) for name in "Tm")
+        alone = json.loads(json.dumps(sections))
+        alone["anchors"]["A"]["pretension"], alone["masses"]["gate"]["mass"] = tension, mass
+        single = xr.load_dataset(romdam.run(job(tmp_path, **alone), tmp_path / f"{k}").results[0].path)
+        for name in ("peak_opening", "anchor_force_largest", "anchor_force_least"):
+            of_suite = rows[name].isel(sample=k).values.ravel()
+            np.testing.assert_allclose(of_suite, single[name].values.ravel(), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"anchors": {"A": RIGHT | {"E": 2e11}}}, r"give either `stiffness`, or `E` and `area`"),
+        ({"anchors": {"A": RIGHT | {"loss": 1.0}}}, r"anchors.A.loss"),
+        ({"anchors": {"A": RIGHT | {"free_length": 3.0}}}, r"`free_length` goes with"),
+        ({"anchors": {"A": RIGHT | {"foot": {"block": "rigth", "at": [0, 0, 0]}}}},
+         r"anchors.A.foot.block.*'rigth'.*did you mean 'right'"),
+        ({"anchors": {"A": RIGHT | {"foot": [2.5, 5, 20]}}}, r"anchors.A: its ends are 0 m apart"),
+        ({"anchors": {"A": RIGHT | {"head": {"block": "right", "at": [2.5, 5, 21]}}}},
+         r"anchors.A.head: \(2.5, 5, 21\) is outside its elements, .* from its nearest node.*over 0 to 5 by"),
+        ({"anchors": {"A": RIGHT | {"head": {"block": "right", "at": [2.5, 5, 0]}}}},
+         r"anchors.A: supports hold every node that it acts on"),
+        ({"masses": {"m": {"block": "right", "mass": 10.0}}}, r"masses.m.*exactly one of `at` and `face`"),
+        ({"masses": {"m": {"block": "right", "face": "zmin", "mass": 10.0}}}, r"masses.m: supports hold"),
+        ({"masses": {"m": {"block": "right", "face": "top", "mass": 10.0}}}, r"masses.m.face"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_refused_with_its_key(tmp_path, sections, message):
+    with pytest.raises(ConfigError, match=message):
+        loaded = romdam.load_config(job(tmp_path, **sections))
+        build_scene(loaded.config, tmp_path, "s.yaml")
+
+
+def test_exports_refuse_what_they_cannot_write(tmp_path):
+    for name in ("anchors", "masses"):
+        assert not {"deck", "matrices"} & EFFECTS[name].known_to
+        assert {"rest", "certificate", "linear stage"} <= EFFECTS[name].known_to
