@@ -32,8 +32,8 @@ def _peak(effect: str, row: int) -> Callable[[Case], Array]:
     return lambda case: case.history.attached_peaks[row][_bearing(case.scene, effect)[0]]
 
 
-def _of_effect(effect: str, dim: str) -> tuple[dict[str, Variable], dict[str, Variable]]:
-    """The coordinate and the variables of an effect."""
+def force_variables(effect: str, dim: str) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """The coordinate and the variables of the forces of an effect, over a dimension."""
     has, what = _has(effect), f"force of the {dim}, tension positive"
     coordinate = Variable(
         (dim,),
@@ -57,7 +57,7 @@ def _of_effect(effect: str, dim: str) -> tuple[dict[str, Variable], dict[str, Va
     return {dim: coordinate}, {f"{dim}_force": force} | peaks
 
 
-_MADE = [_of_effect(name, entry.records) for name, entry in EFFECTS.items() if entry.records]
+_MADE = [force_variables(name, entry.records) for name, entry in EFFECTS.items() if entry.records]
 ATTACHED_COORDINATES: dict[str, Variable] = {k: v for made, _ in _MADE for k, v in made.items()}
 ATTACHED_VARIABLES: dict[str, Variable] = {k: v for _, made in _MADE for k, v in made.items()}
 

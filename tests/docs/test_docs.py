@@ -19,9 +19,11 @@ import yaml
 from test_cli import call
 
 from romdam.config import load_config, parse_config
+from romdam.config.effects import EFFECTS
 from romdam.geometry.elements import ELEMENTS
 from romdam.records.formats.registry import FORMATS
-from romdam.results.variables import VARIABLES
+from romdam.results.variables import COORDINATES, VARIABLES
+from romdam.scene.attachments import BUILDERS
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -72,7 +74,7 @@ def test_every_block_says_what_it_is(page):
 @pytest.fixture(autouse=True)
 def registries():
     """What examples add is taken out again."""
-    shared = (ELEMENTS, FORMATS, VARIABLES)
+    shared = (ELEMENTS, FORMATS, VARIABLES, COORDINATES, EFFECTS, BUILDERS)
     before = [dict(registry) for registry in shared]
     yield
     for registry, entries in zip(shared, before, strict=True):
