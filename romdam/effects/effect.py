@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.system import PseudoStatic, System
-from romdam.reduction.basis import over_coordinates
+from romdam.reduction.basis import Turn, over_coordinates
 
 
 class EffectCoordinates(Protocol):
@@ -64,12 +64,14 @@ class ModalCoordinates:
     size : number of coordinates
     finer : whether the basis is one that estimates compare with
     reservoir : (n, m) basis of the unknowns that compressible water has on the mesh; None without
+    turns : changes of all coordinates that effects have made, in their order
     """
 
     basis: dict[str, BlockBasis]
     size: int
     finer: bool = False
     reservoir: Floats | None = None
+    turns: tuple[Turn, ...] = ()
 
     def observe(self, operators: Mapping[str, csr_matrix]) -> Floats:
         """See `EffectCoordinates`."""

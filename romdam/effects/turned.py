@@ -111,4 +111,4 @@ def turned(
                 omega2=omega2[columns],
                 participation=turn.rows(part.participation.T).T,
             )
-    return other, replace(coordinates, basis=changed)
+    return other, replace(coordinates, basis=changed, turns=(*coordinates.turns, change.whole))

@@ -85,6 +85,13 @@ class Turn:
         new[:, self.places] = old[:, self.kept]
         return new
 
+    def new(self, old: Floats) -> Floats:
+        """New coordinates (size, j) of old ones, where `mix` is square."""
+        new = np.empty((self.size, *old.shape[1:]))
+        new[: len(self.mix)] = np.linalg.solve(self.mix, old[self.mixed])
+        new[self.places] = old[self.kept]
+        return new
+
     def old(self, new: Floats) -> Floats:
         """Old coordinates of new ones, (size,) or (size, j)."""
         old = np.zeros((len(self.mixed) + len(self.kept), *new.shape[1:]))

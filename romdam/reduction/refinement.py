@@ -12,11 +12,11 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
-from romdam.core.basis import Basis
+from romdam.core.basis import Basis, BlockBasis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.parts import basis_over_unknowns
-from romdam.reduction.basis import Augmented, Lazy, Scaled, over_coordinates
+from romdam.reduction.basis import Augmented, Scaled
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import has_no_mass
 from romdam.reduction.synthesis import ReducedModel
@@ -44,51 +44,55 @@ def parts_without_refinement(scene: Scene, coarse: ReducedModel, fine: ReducedMo
     """
     names = []
     for mesh_part in scene_parts(scene).values():
-        size, finer = (_vectors(model.basis[mesh_part.blocks[0]].vectors) for model in (coarse, fine))
+        size, finer = (model.before[mesh_part.blocks[0]].vectors.shape[1] for model in (coarse, fine))
         free = int((~mesh_part.fixed(scene.fixed)).sum())
         if size == finer < (1.0 - _HANDFUL) * free and not has_no_mass(mesh_part, scene):
             names.append(mesh_part.name)
     return names
 
 
-def _vectors(basis: Basis) -> int:
-    """How many vectors span a basis, turned into other coordinates or not."""
-    return _vectors(basis.left) if isinstance(basis, Lazy | Scaled) else basis.shape[1]
-
-
 def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_matrix:
     """(fine, coarse) matrix that writes a motion of the coarse model in the fine one's coordinates.
 
-    T_fine^T M T_coarse, M with the water's; exact where the fine basis contains the coarse one, the M-nearest
-    motion elsewhere. A part without mass has the same basis in both.
+    Before effects turn the coordinates it is T_fine^T M T_coarse: exact where the fine basis contains the
+    coarse one, the M-nearest motion elsewhere. A part without mass has the same basis in both. Then both are
+    turned as the effects have turned them, so that it is exact there too.
     """
-    matrix = np.zeros((fine.system.size, coarse.system.size))
+    size = [sum({one.columns.start: _width(one) for one in model.before.values()}.values())
+            for model in (fine, coarse)]  # fmt: skip
+    matrix = np.zeros(size)
     for mesh_part in scene_parts(scene).values():
         first = mesh_part.blocks[0]
-        rows, columns = (model.basis[first].columns for model in (fine, coarse))
+        rows, columns = (model.before[first].columns for model in (fine, coarse))
         if has_no_mass(mesh_part, scene):
             matrix[rows, columns] = np.eye(rows.stop - rows.start)
             continue
-        known = _within(fine.basis[first].vectors, coarse.basis[first].vectors)
+        known = _within(fine.before[first].vectors, coarse.before[first].vectors)
         if known is not None:
             matrix[rows, columns] += known
             continue
         by_mass: Floats = np.zeros(())
         for name in mesh_part.blocks:
-            block, (a, b) = scene.blocks[name], (model.basis[name].vectors for model in (fine, coarse))
+            block, (a, b) = scene.blocks[name], (model.before[name].vectors for model in (fine, coarse))
             if block.material.rho > 0.0:
                 by_mass = by_mass + a.project(b.under(assemble_mass(block)))
         matrix[rows, columns] += by_mass
-    if fine.water is not None:
-        onto, of = (over_coordinates(fine.water.coupling, m.basis, m.system.size) for m in (fine, coarse))
-        massless = fine.system.M.diagonal() == 0.0  # they move as they do, and the water with the others
-        of = of - onto[:, massless] @ matrix[massless]
-        onto = np.where(massless, 0.0, onto)
-        matrix += onto.T @ fine.water.times(of)
+    for turn in coarse.turns:
+        matrix = turn.rows(matrix)
+    for turn in fine.turns:
+        matrix = turn.new(matrix)
+    if fine.system.size > len(matrix):  # water with waves stands behind
+        dry = matrix
+        matrix = np.zeros((fine.system.size, coarse.system.size))
+        matrix[: len(dry), : dry.shape[1]] = dry
     if fine.reservoir is not None and coarse.reservoir is not None:
         rows, columns = (model.system.parts["reservoir"] for model in (fine, coarse))
         matrix[rows, columns] = np.linalg.lstsq(fine.reservoir, coarse.reservoir, rcond=None)[0]
     return csr_matrix(matrix)
+
+
+def _width(basis: BlockBasis) -> int:
+    return basis.columns.stop - basis.columns.start
 
 
 def mesh_basis(scene: Scene, model: ReducedModel) -> Floats:
@@ -103,10 +107,7 @@ def mesh_basis(scene: Scene, model: ReducedModel) -> Floats:
 
 
 def _within(fine: Basis, coarse: Basis) -> Floats | None:
-    """T_fine^T M T_coarse of a basis that stands on the coarse one, M without the water's; None of others."""
-    if isinstance(fine, Lazy) and isinstance(coarse, Lazy):
-        inner = _within(fine.left, coarse.left)
-        return None if inner is None else fine.turn.rows(coarse.turn.rows(inner).T).T
+    """T_fine^T M T_coarse of a basis that stands on the coarse one; None of others."""
     if isinstance(fine, Scaled) and isinstance(coarse, Scaled):  # each unit of mass has another size
         inner = _within(fine.left, coarse.left)
         return None if inner is None else inner * coarse.factors / fine.factors[:, None]

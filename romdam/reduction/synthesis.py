@@ -19,13 +19,12 @@ from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.scene import Scene
 from romdam.core.system import System
-from romdam.effects.added_mass import AddedMass
 from romdam.effects.effect import Effect, EffectCoordinates, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
 from romdam.linalg.solvers import candidates
-from romdam.reduction.basis import Scaled, over_coordinates
+from romdam.reduction.basis import Scaled, Turn, over_coordinates
 from romdam.reduction.methods.craig_bampton import CraigBampton
 from romdam.reduction.methods.free_interface import FreeInterface
 from romdam.reduction.methods.massless import Massless
@@ -55,15 +54,16 @@ class ReducedModel:
     system : diagonal, see `System`
     basis : block name -> BlockBasis
     report : block name -> numbers on its reduction, and "cpu_seconds" of the whole
-    water : the added mass that the system has, or None
     reservoir : (n, m) basis of the unknowns that compressible water has on the mesh; None without
     dry : the same before effects act, from which other materials and levels are made; None where none is kept
+    before : block name -> its basis before effects turned the coordinates, one after another as `turns` say
     """
 
     system: System
     basis: dict[str, BlockBasis]
     report: dict[str, object]
-    water: AddedMass | None = None
+    before: dict[str, BlockBasis]
+    turns: tuple[Turn, ...] = ()
     reservoir: Floats | None = None
     dry: DryModel | None = None
 
@@ -128,12 +128,20 @@ class DryModel:
 
     def with_effects(self, effects: Sequence[Effect]) -> ReducedModel:
         """The reduced model, once all effects act."""
-        system, water = self.system, next((one for one in effects if isinstance(one, AddedMass)), None)
+        system = self.system
         coordinates: EffectCoordinates = ModalCoordinates(self.basis, system.size, self.choice.finer)
         for effect in effects:
             system, coordinates = effect.add(system, coordinates)
         assert isinstance(coordinates, ModalCoordinates)
-        return ReducedModel(system, coordinates.basis, dict(self.report), water, coordinates.reservoir, self)
+        return ReducedModel(
+            system,
+            coordinates.basis,
+            dict(self.report),
+            self.basis,
+            coordinates.turns,
+            coordinates.reservoir,
+            self,
+        )
 
 
 def reduce_scene(

@@ -26,7 +26,8 @@ from romdam.effects.full_order import assemble_full
 from romdam.geometry.elements import ELEMENTS
 from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.natural_modes import natural_modes
-from romdam.reduction.synthesis import reduce_scene
+from romdam.reduction.refinement import embedding
+from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
 from romdam.scene.build import build_scene
 from romdam.scene.points import point_weights
 
@@ -318,6 +319,49 @@ def test_anchor_to_rock_without_mass():
     assert np.abs(a.attached - b.attached).max() < 1e-7 * np.ptp(a.attached)
     with pytest.raises(ConfigError, match=r"masses.m: block 'ground' has no mass"):
         scene_of(raw | {"masses": {"m": {"block": "ground", "at": [1, 1, -1], "mass": 100.0}}})
+
+
+@pytest.mark.parametrize("rock", [True, False], ids=["rock with mass", "massless rock"])
+@pytest.mark.parametrize("water", [{}, {"model": "westergaard"}], ids=["dry", "water"])
+def test_a_motion_is_the_same_in_the_finer_basis(rock, water):
+    """Displacements of any motion of the first model, whatever springs, masses and water have turned."""
+    raw = {
+        "materials": {"m": {"E": 2e9, "nu": 0.2, "rho": 2400}},
+        "blocks": {
+            name: {"material": "m", "mass": rock or name != "ground",
+                   "box": {"origin": [x, 0, z], "size": [4, 4, h], "element_size": [2, 2, 2]}}
+            for name, x, z, h in (("ground", 0, -4, 4), ("block", 0, 0, 6), ("other", 4, 0, 6))
+        },
+        "supports": [{"block": "ground", "face": "zmin"}, {"block": "other", "face": "zmin"}],
+        "joints": {
+            name: {"between": between, "normal_stiffness": "20 GPa/m", "friction": 0.8,
+                   "shear_stiffness": "10 GPa/m"}
+            for name, between in (("base", ["ground", "block"]), ("side", ["block", "other"]))
+        },
+        "damping": {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.05}},
+        "records": BAR["records"], "model": {"modes": 3}, "transient": {"finest_step": 0.01},
+        "anchors": {
+            "down": {"head": {"block": "block", "at": [1, 1, 5.7]},
+                     "foot": {"block": "ground", "at": [2, 1.4, -3]}, "stiffness": 4e9},
+            "across": {"head": {"block": "block", "at": [1, 1, 3]},
+                       "foot": {"block": "other", "at": [7, 3, 4]}, "stiffness": 2e9},
+        },
+        "masses": {"gate": {"block": "block", "face": "zmax", "mass": 9e4}},
+    }  # fmt: skip
+    if water:
+        faces = [{"block": name, "face": "ymin"} for name in ("block", "other")]
+        raw["water"] = water | {"level": 5.0, "faces": faces}
+    config = parse_config(raw, "s.yaml")
+    scene = build_scene(config, Path(), "s.yaml")
+    coarse, fine = reduce_scene_twice(scene, config.model, config.damping)
+    assert fine.system.size > coarse.system.size and len(fine.turns) == 1 + bool(water)
+    q = np.random.default_rng(5).normal(size=coarse.system.size) / (1.0 + coarse.system.K.diagonal())
+    embedded = embedding(scene, coarse, fine) @ q
+    for name, basis in coarse.basis.items():
+        u, finer = basis.vectors.apply(q[basis.columns]), fine.basis[name]
+        np.testing.assert_allclose(
+            finer.vectors.apply(embedded[finer.columns]), u, atol=1e-8 * np.abs(u).max()
+        )
 
 
 RIGHT = {"head": {"block": "right", "at": [2.5, 5, 20]}, "foot": [2.5, 5, -10], "stiffness": 2e7}

@@ -177,7 +177,7 @@ def test_another_reduction_than_the_one_within_is_embedded_by_the_mass():
     name, own = next(iter(coarse.basis.items()))
     signs = np.where(np.arange(len(own.omega2)) == 3, -1.0, 1.0)
     turned = replace(own, vectors=Dense(own.vectors.rows() * signs))
-    other = replace(coarse, basis=coarse.basis | {name: turned})
+    other = replace(coarse, before=coarse.before | {name: turned})
     expected = embedding(built, coarse, fine).toarray()
     expected[:, own.columns] *= signs
     assert np.abs(embedding(built, other, fine).toarray() - expected).max() < 1e-12
