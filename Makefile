@@ -37,7 +37,7 @@ lowest: $(VENV)-lowest/.installed
 	@mkdir -p $(OUT)/lowest
 	cd $(OUT)/lowest && $(CURDIR)/$(VENV)-lowest/bin/romdam init two_cantilevers
 	cd $(OUT)/lowest && $(CURDIR)/$(VENV)-lowest/bin/romdam run two_cantilevers.yaml --out results
-	$(VENV)-lowest/bin/python -m pytest -q -n $(JOBS) --dist worksteal tests/config tests/records tests/results tests/test_examples.py
+	$(VENV)-lowest/bin/python -m pytest -q -n $(JOBS) --dist worksteal tests/config tests/records tests/results tests/test_examples.py tests/test_compiled.py
 
 $(VENV)-lowest/.installed: pyproject.toml .ci/lowest.py | $(VENV)/bin/python
 	$(PYTHON) -m venv $(VENV)-lowest

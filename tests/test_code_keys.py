@@ -16,7 +16,7 @@ from romdam.contact.cone import slides
 from romdam.contact.laws import outside
 from romdam.core import fingerprint
 from romdam.core.fingerprint import code_digest, imported_modules
-from romdam.core.jit import _code_of
+from romdam.core.kept_code import _code_of
 from romdam.reduction import stress
 from romdam.reduction.storage.keys import CODE
 from romdam.reduction.synthesis import REDUCTORS

@@ -11,12 +11,14 @@ import pytest
 
 import romdam
 from romdam.core.arrays import record_type
+from romdam.core.jit import CALLED
 
 PROBE = """
 import sys
 from numba.core import caching
 if {closed}:  # an installation and a home that take no files
-    for locator in (caching.InTreeCacheLocator, caching.UserWideCacheLocator):
+    for locator in ("InTreeCacheLocator", "UserWideCacheLocator"):  # private before numba 0.62
+        locator = getattr(caching, locator, None) or getattr(caching, "_" + locator)
         locator.from_function = classmethod(lambda cls, *_: None)
 import numpy as np
 from romdam.core.jit import copy
@@ -124,6 +126,56 @@ def test_a_function_is_compiled_again_when_what_it_calls_has_changed(tmp_path):
     assert laws.read_text().count(start) == 1
     laws.write_text(laws.read_text().replace(start, f"return True\n    {start}"))
     assert stuck() == ["False", "0"]
+
+
+OTHER_NUMBA = """
+import sys
+import numba
+from numba.core import caching
+if "linking" in sys.argv:  # a version that functions were not tried to be linked late with
+    numba.version_info = numba.version_info._replace(short=(0, 1))
+if "cache" in sys.argv:  # and one whose cache has other parts
+    caching.FunctionCache.__init__ = lambda self, function: setattr(self, "_cache_path", "elsewhere")
+import numpy as np
+from romdam.core import jit
+from romdam.core.arrays import at, put
+"""
+PLAIN = (
+    OTHER_NUMBA
+    + STUCK
+    + """
+@jit.njit(cache=True)
+def doubled(rows, values):
+    for i in range(len(rows)):
+        row = at(rows, i)
+        row[1] = 2.0 * row[0]
+    put(rows, 0, values)
+
+rows = np.array([[1.0, 0.0], [3.0, 0.0]])
+doubled(rows, np.array([5.0, 7.0]))
+print(*rows.ravel(), *sorted(jit.CALLED))
+"""
+)
+
+
+@pytest.mark.parametrize("other", [(), ("linking",), ("cache",), ("linking", "cache")])
+def test_another_numba_compiles_plainly_to_the_same_numbers(tmp_path, other):
+    """`sticks` calls functions of other files, `doubled` takes a row of an array and writes one."""
+    (tmp_path / "other.py").write_text(PLAIN)
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    for start in range(2):
+        done = subprocess.run(
+            [sys.executable, str(tmp_path / "other.py"), *other],
+            env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        stuck, numbers = done.stdout.splitlines()
+        assert stuck.split() == ["True", "0" if "cache" in other else str(start)]
+        assert [float(number) for number in numbers.split()[:4]] == [5.0, 7.0, 3.0, 6.0]
+        late = set(numbers.split()[4:])
+        assert late == (set() if "linking" in other else set(CALLED))
+        assert done.stderr.count("every process compiles") == ("cache" in other)
+    assert bool(list(tmp_path.rglob("*.nbc"))) == ("cache" not in other)
 
 
 STEPS = """

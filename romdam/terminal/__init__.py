@@ -28,7 +28,7 @@ STAMP = "%Y-%m-%d %H:%M:%S"
 _BAR = 16  # columns, which leave room for the times in a terminal of 80
 _SURE = 0.02  # of a stage, before which what is left is a guess of no use
 _WIDE = 10_000  # columns: a table is as wide as its numbers, a narrow terminal must not cut them
-_COMPILING = "romdam.core.jit"  # a first start says what it waits for
+_COMPILING = "romdam.core.kept_code"  # a first start says what it waits for
 # told in messages of romdam's own
 _ELSEWHERE = ("asyncio", "distributed", SAID.name)
 

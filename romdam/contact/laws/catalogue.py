@@ -133,7 +133,7 @@ def _module(file: Path, content: bytes) -> ModuleType:
     What runs are the bytes that were hashed: the import system would read the file again, or take what it
     compiled of another content with the same time and size, which it leaves beside the file.
     """
-    from romdam.core.jit import keeping_nothing
+    from romdam.core.kept_code import keeping_nothing
 
     about, before = fingerprint((str(file), content)), _modules_of_folder(file)
     for name in before:

@@ -24,7 +24,8 @@ from romdam.contact.laws.law import Law
 from romdam.contact.laws.outside import closed
 from romdam.core.arrays import Ints
 from romdam.core.errors import ConfigError
-from romdam.core.jit import caching_by_content, njit
+from romdam.core.jit import njit
+from romdam.core.kept_code import caching_by_content
 
 # what came of a call: nothing to tell, something was given up, or an exception or NaN
 DONE, GAVE_UP, FAILED = range(3)
