@@ -1,15 +1,20 @@
-"""Condensation of sticking contacts: those that have long stuck are no unknowns of the sweeps.
+"""Condensation: contacts that have stuck for a long time are no longer unknowns of the Gauss-Seidel sweeps.
+
+While a contact sticks, its jump is known and its force is the unknown; no inequality has to be checked. Let s
+be the sticking contacts that are condensed and f the others. Eliminating the forces p_s from y = W p + y_free
+gives
 
     [p_s]       [-y_s ]          M_ss = W_ss^-1,   M_sf = W_ss^-1 W_sf,   M_ff = W_ff - W_fs W_ss^-1 W_sf
     [   ] = M   [     ]  + ...
-    [y_f]       [ p_f ]          s the condensed sticking contacts, f the others
+    [y_f]       [ p_f ]
 
-M is the principal pivot of the Delassus operator W on the condensed contacts. Sweeps run on M_ff; the force
-of the condensed contacts follows from theirs, and those that do not stick in it are released, by one exchange
-of all their directions. So a condensed contact costs a product, and every step proves that it sticks. Of the
-189 gaps of configs/arch_dam.yaml at a tenth of its shaking 122 never slide, and 114 are condensed on average
-(`tests/benchmarks/bench_condensation.py`). M is in single precision, like the sweeps: the responses between
-them are exact.
+where M is the principal pivot of the Delassus operator W on s. The sweeps run on the smaller matrix M_ff, and
+p_s follows from p_f by one product. After every step p_s is checked: a contact that no longer sticks is
+released, by exchanging its three directions in M. So every step proves that the condensed contacts stick.
+
+M is kept in single precision, as the matrix of the sweeps is, because the exact response is computed with W
+between the sweeps. `tests/benchmarks/bench_condensation.py` measures how many contacts of an arch dam are
+condensed.
 
 References
 ----------

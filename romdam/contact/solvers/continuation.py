@@ -1,9 +1,10 @@
-"""The gap-space problem with friction where sweeps do not contract: Newton, and slower ways where it fails.
+"""The gap-space problem with friction where Gauss-Seidel sweeps do not contract: Newton, then slower methods.
 
-Newton may cycle among a few states, two gaps that stick and slide in turn. Sweeps that solve each gap exactly
-for the forces of the others (`single_contact`) contract slowly, but they lead out of such a cycle: so Newton
-and some of these sweeps take turns. At last the solution is followed from no friction, where it is unique, to
-all of it.
+Newton's method usually solves such a step, but it may cycle among a few states, for example where two gaps
+stick and slide in turn. Sweeps that solve each gap exactly while the forces of all others are held
+(`single_contact`) contract slowly, but they leave such a cycle. So Newton and some of these sweeps alternate.
+If that fails too, the solution is followed from the problem without friction, where it is unique, to the
+problem with all of it, by raising the friction coefficient in steps.
 """
 
 from __future__ import annotations

@@ -1,16 +1,20 @@
-"""The gap-space problem with friction: nonsmooth Gauss-Seidel while it contracts, Newton where it does not.
+"""The gap-space problem with friction, solved by nonsmooth Gauss-Seidel sweeps as long as they contract.
 
     y = W p + y_free;   y_n >= 0, p_n >= 0, y_n p_n = 0;   |t| <= c + mu p_n, y_t against t on the limit
 
-Over a step that resolves the contact W is far from singular (its condition is 5 at 0.0025 s and 2 at
-0.000625 s on the two-cantilever model: inertia, not the structure, answers a force within the step), so
-projected Gauss-Seidel over the loaded gaps gains a digit per sweep and a half and needs no states, no
-factorisation and no line search: a step costs about 10 sweeps of (3 closed)^2 products. They wait for memory,
-so W on the loaded gaps is kept in single precision, gaps are added to it as they close, and the sweeps move
-the force from one whose exact response is known; every four digits they begin anew from there. Contacts that
-have long stuck are condensed (`condensation`). Where sweeps do not contract, a step that can be cut is
-given up, for its parts are cheaper than Newton on the whole; else (statics, rigid joints of stiff blocks)
-Newton takes over (`newton`), and where that fails too, what is slower still (`continuation`).
+A sweep visits the gaps in turn, moves the force of each as if the others were fixed, and projects it onto the
+friction cone. Over a step that resolves the contact W is well conditioned, because inertia and not the
+structure responds to a force within the step. Then ten sweeps or so suffice, and no states have to be
+guessed, no matrix factored and no line searched.
+
+The cost of a sweep is the time to read W from memory. Three measures reduce it. W is gathered on the gaps
+that may carry force, and gaps are added to it as they close. It is kept in single precision: the sweeps move
+the force away from one whose response is known exactly, and begin anew from there every four digits. Contacts
+that have stuck for a long time are eliminated (`condensation`).
+
+Where the sweeps do not contract, a step that can still be cut is given up, because its parts cost less than
+Newton on the whole. Otherwise (statics, rigid joints of stiff blocks) Newton takes over (`newton`), and if
+that fails the slower methods of `continuation` do.
 
 References
 ----------

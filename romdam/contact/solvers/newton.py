@@ -1,9 +1,14 @@
-"""Semismooth Newton for the gap-space problem with friction, where Gauss-Seidel does not contract.
+"""Semismooth Newton for the gap-space problem with friction, where Gauss-Seidel sweeps do not contract.
 
-Newton works in the coordinates that the states leave free: a sticking gap has its force components; a
-sliding one its normal force, which drags the shear (c + mu p_n) e along, and (equal coefficients: friction
-on the resultant) the turn of the direction e. The equations are y = 0 in the same directions, so the matrix
-is W on these, unsymmetric by mu alone. States come from the natural map p = projection(p - rho y).
+The natural map x = p - rho y, projected onto the friction cone, is equal to p exactly at a solution. It also
+tells the state of each gap: open where x_n is negative, sticking where x lies inside the cone, sliding where
+it lies outside. For given states the problem is a system of equations, y = 0 in the directions that are free
+to carry force, and each Newton step solves it.
+
+The unknowns follow from the states. A sticking gap has its three force components. A sliding gap has its
+normal force, which carries the shear (c + mu p_n) e with it. If friction limits the resultant (equal
+coefficients in both directions) the direction e may turn, and the turn is an unknown too. So the matrix is W
+in these directions; only mu makes it unsymmetric.
 
 References
 ----------

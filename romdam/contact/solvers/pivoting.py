@@ -1,16 +1,20 @@
-"""The frictionless gap-space problem: y = W p + y_free, y >= 0, p >= 0, y p = 0.
+"""The gap-space problem without friction, solved by block principal pivoting.
 
-A linear complementarity problem (LCP) with a symmetric positive definite W, the Delassus operator, solved by
-block principal pivoting: the primal-dual active set method (all infeasible gaps change sides at once) while
-it makes progress, single changes by largest index when it does not, which is finite for every
-P-matrix. The inverse of W on the closed gaps is carried from step to step and bordered or deflated
-as gaps close and open: a change costs O(closed^2), a step without any costs the product with the
-inverse, and nothing is refactored. (A full principal pivot transform does the same with rank-one updates of
-all n^2 entries.)
+    y = W p + y_free,   y >= 0,   p >= 0,   y p = 0
 
-With more than half of the gaps closed the dual problem is the smaller one: p = Z y - Z y_free with
-Z = W^-1 made beforehand is the same problem with the roles of force and opening swapped, and its active set
-is the open gaps. An impact that runs along a joint thus never carries more than n/2 gaps.
+This is a linear complementarity problem (LCP) with a symmetric positive definite matrix W, the Delassus
+operator. Each gap is either closed (y = 0, p >= 0) or open (p = 0, y >= 0). For a guess of the closed set the
+forces follow from linear equations; gaps with a tensile force or a negative opening are on the wrong side.
+All of them change sides at once (a primal-dual active set method) as long as their number falls. Where it
+does not, the last of them changes alone, which ends after finitely many changes for every P-matrix.
+
+The inverse of W on the closed gaps is carried from step to step. A gap that closes borders it, and one that
+opens deflates it, so a change costs O(closed^2), and a step without changes costs one product. A full
+principal pivot transform would update all n^2 entries instead.
+
+With more than half of the gaps closed the dual problem is smaller: p = Z y - Z y_free, with Z = W^-1 computed
+once, is the same problem with force and opening exchanged, and its active set is the open gaps. An impact
+that runs along a joint thus never carries more than n/2 gaps.
 
 References
 ----------

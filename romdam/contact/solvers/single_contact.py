@@ -1,9 +1,13 @@
-"""The gap-space problem of a single gap with friction, solved exactly by going through its states.
+"""The gap-space problem of one gap with friction, solved exactly by trying its states.
 
-With the forces of all other gaps held, y = A p + b with A (3, 3) positive definite. A gap is open, or
-sticks, or slides; on the resultant the direction of sliding is the root of a function of one angle. Where
-normal and tangent are strongly coupled (rigid joints, mu above 1) a projected step on (p_n, t) can rest
-where no solution is or move in circles; going through the states cannot.
+With the forces of all other gaps held, the gap obeys y = A p + b, where A (3, 3) is positive definite. It is
+open, sticks or slides. The first two states are linear equations. If friction limits the resultant, the
+direction of sliding is one angle, and it is a root of a function of that angle, which is found by scanning
+the circle.
+
+The usual projected step on (p_n, t) is cheaper but not safe. Where normal and tangential directions are
+strongly coupled (rigid joints, mu above 1) it can come to rest at a force that is no solution, or move in a
+circle. Trying the states cannot.
 
 References
 ----------

@@ -1,8 +1,10 @@
-"""State of the contact solvers from step to step, changed in place; a fresh one is all zeros.
+"""What the contact solvers remember from step to step.
 
-Every solver has a NamedTuple of its own. Its arrays may have leading axes (runs, step sizes), of which
-`romdam.core.arrays.at` makes views; memory comes as it is written to. Scratch is read in the call that wrote
-it.
+Successive steps have nearly the same closed gaps and forces. So each solver keeps what it has computed (an
+inverse on the closed gaps, a gathered matrix, the last force and its response) and begins the next step with
+it. Every solver has a NamedTuple of arrays for this, which it changes in place; zeros are a valid beginning.
+The arrays may have leading axes (runs, step sizes), of which `romdam.core.arrays.at` takes views. Scratch
+arrays are written and read within one call.
 """
 
 from __future__ import annotations

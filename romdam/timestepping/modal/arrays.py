@@ -1,7 +1,10 @@
-"""The arrays that the hot loop works on, in NamedTuples, because that is what a kernel can take.
+"""The data of the time loop, as NamedTuples of arrays, which compiled code can take.
 
-Runs that are integrated together share the model; the leading axis of everything that moves is the run.
-Numbers that change together are the fields of a record.
+Several runs of one model are integrated together. They share the model (`ModalModel`) and the coefficients of
+every step size (`StepHierarchy`). What moves has the run as its leading axis: the clock and the memory of
+each run (`Batch`), the state at the last accepted step (`ModalState`), vectors of the step at hand (`Work`)
+and the rows that are written (`HistoryBuffer`). Numbers that change together are the fields of one record
+(`CLOCK`, `TRIES`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""Histories of runs, from the rows that the time loop has kept of each."""
+"""Make the history of a run from the rows that the time loop has kept of it.
+
+The loop keeps the dynamic modes, the relaxed joint force and the gaps. A history also has the motion of the
+modes that are no states of the loop. Their displacement is a static answer to the joint force, to the ground
+and to the constant loads, so it is computed here, once for all rows and only for the points that are asked
+for.
+"""
 
 from __future__ import annotations
 

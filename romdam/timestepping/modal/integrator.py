@@ -1,4 +1,11 @@
-"""Common ground of the integrators that propagate uncoupled modes exactly."""
+"""The base class of the integrators that propagate uncoupled modes exactly.
+
+A diagonal system needs no equation solver in time: each mode is propagated by its own exact step, and only
+the joint force couples the modes. What the integrators of this family choose differently is which modes are
+dynamic, how steps are cut, and where within a step the joint force is taken. `ModalIntegrator` has the common
+answers, a fixed step with every mode dynamic, and sorts simulations into batches that the time loop takes
+together.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,10 @@
-"""Products with the modes in the time loop, for one run or many, and the motion of the modes.
+"""The products of the time loop, and the motion of the modes over a step.
 
-A band of a matrix' rows is taken for all runs before the next one: it is read from memory once, and every
-run gets the sums that it gets alone, bit for bit. Rows without force are skipped. (BLAS would pack the
-matrices anew at every step.)
+A step multiplies by the jumps of the modes twice: w = G q gives the jumps of the gaps, and r = G^T p the
+forces on the modes. G consists of dense blocks, one for each joint and block of the scene. Its rows are taken
+in bands, and each band serves all runs before the next one is read, so the matrix passes through memory once
+for all of them. Every run gets the same sums as it gets alone, bit for bit. Rows without force are skipped.
+BLAS is not used, because it would pack the matrices anew at every step.
 """
 
 from __future__ import annotations

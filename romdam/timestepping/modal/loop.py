@@ -1,23 +1,24 @@
-"""The hot loop: every mode propagated exactly, every gap implicit at the step's end.
+"""The time loop: every mode is propagated exactly, and the joint force is solved for at the end of each step.
 
-Over one step the joint force p is constant; it follows the gaps' springs at a point within the step
-(`romdam.contact.problem`) and rigid gaps at its end. Higher orders of the contact force blow up (the manual,
-"Why the force is constant over a step"). Per step the work is three products, G q, the gap-space solve and
-G^T p, beside the modes' own few flops.
+Over one step the joint force p is constant. It follows the springs of the gaps at a point within the step
+(`romdam.contact.problem`), and rigid gaps at its end. A contact force of higher order in time is unstable
+(the manual, "Why the force is constant over a step"). A step consists of four operations: the free motion of
+the modes, the jumps of the gaps w = G q, the joint force from the gap-space problem, and the forces on the
+modes G^T p.
 
-The error of this scheme is made where contact changes: a gap that closes within a step is pushed over
-the whole of it. So a step in which the closed set, or a joint force, changes much is accepted at the
-finest level only; steps are cut, level by level, and grow again when contact is calm. They sit on a grid
-below the base step, so the propagators and flexibilities of every level exist beforehand. One level is
-the fixed-step scheme. On the two-cantilever model the finest step sets the error (0.3 % at 0.000625 s, as for
-a fixed step of that size) at a third of the steps.
+The error of the scheme arises where contact changes, because a gap that closes within a step is pushed over
+the whole of it. The loop therefore cuts steps. A step in which the closed set or a joint force changes much
+is refused, and the run goes one level down, to the next smaller step; only the finest level accepts such
+changes. When contact is calm again, the run goes back up. All steps lie on a grid below the base step, so
+that the propagators and flexibilities of every level are computed before the loop begins. With a single level
+this is the fixed-step scheme.
 
 Every mode with mass is a state, however strongly it is damped. Unknowns without mass (residual flexibilities,
-massless rock) have none: they answer the joint force as a flexibility R that relaxes with their common time
-tau = c/k: tau s' + s = p, u_r = R s.
+massless rock) are no states. They respond to the joint force through a flexibility R, with one relaxation
+time tau = c/k: tau s' + s = p, u_r = R s.
 
-Many runs are integrated together: in turn each takes its own next step, at its own time and level, exactly
-the step it would take alone; only the products with G and R are made for all at once.
+Many runs are integrated together. Each takes its own next step, at its own time and level, which is exactly
+the step that it would take alone; only the products with G and R are made for all runs at once.
 """
 
 from __future__ import annotations

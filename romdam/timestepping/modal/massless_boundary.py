@@ -1,4 +1,11 @@
-"""The step that keeps the energy: the joint force acts with the mean that does the work the gaps store."""
+"""A step that conserves energy: the joint force acts with the mean that does the work the gaps store.
+
+A constant joint force does the work p . dw over a step. In general that is not the change of the energy
+stored in the springs of the gaps and in the residual flexibility, so energy is lost or gained wherever
+contact changes. Here the force is the mean of its values at both ends of the step, plus a multiple of the
+change of the jump that makes the two energies equal (a discrete gradient). The multiple depends on the
+solution of the step, so it is iterated. While the closed set stands still and nothing slides, it is zero.
+"""
 
 from __future__ import annotations
 

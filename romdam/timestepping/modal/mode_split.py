@@ -1,4 +1,17 @@
-"""Dynamic modes and unknowns that answer as a flexibility, and the arrays of both that the hot loop needs."""
+"""Split the unknowns of a system into dynamic modes and a flexibility, and prepare both for the time loop.
+
+A mode with mass is a state of the time loop. An unknown without mass has no dynamics of its own: it follows
+the joint force as a flexibility, at once or with a relaxation time (`ModeSplit`, `split_by_mass`). Some
+integrators also take the stiffest modes partly as a flexibility, with a taper between the two.
+
+From the split follow the arrays that stay constant during a run: the blocks of G, the flexibility R and the
+loads (`modal_model`), and for each step size the exact propagator of the modes and the gap-space problem
+(`step_levels`). That problem needs the jump per unit joint force over the step,
+
+    H = G diag(q_p) G^T + (1 - decay) R,
+
+where q_p is the displacement of each mode per unit force that is constant over the step.
+"""
 
 from __future__ import annotations
 

@@ -1,13 +1,15 @@
 """Exact propagation of uncoupled modes over one step, and the exact work done in it.
 
-Each mode q'' + c q' + k q = f(t) + p, with f linear over the step and p constant, is advanced by the
-exponential of its augmented matrix on z = (q, v, f, f'). Nothing is divided by a frequency, so rigid
-and overdamped modes are ordinary cases. An unknown without mass, c q' + k q = f(t) + p, has the velocity
-v = (f + p - k q) / c in place of a state of its own. The works over the step are exact too,
+Each mode obeys q'' + c q' + k q = f(t) + p, where f is linear over the step and p is constant. With the
+vector z = (q, v, f, f') this is z' = A z, so the step is the matrix exponential of A. No term is divided by a
+frequency, and rigid and overdamped modes are ordinary cases. An unknown without mass obeys c q' + k q = f(t)
++ p; it has the velocity v = (f + p - k q) / c in place of a state of its own.
 
-    int v f dt = f(0) (q(h) - q(0)) + f' (moment . z),   int c v^2 dt = z^T D z,
+The works over a step of length h are quadratic in z and are exact too:
 
-both from Gramians int_0^h e^(A^T s) Q e^(A s) ds, so the energy ledger carries no quadrature error.
+    int v f dt = f(0) (q(h) - q(0)) + f' (moment . z),   int c v^2 dt = z^T D z.
+
+Both follow from Gramians int_0^h e^(A^T s) Q e^(A s) ds, so the energy ledger has no quadrature error.
 """
 
 from __future__ import annotations

@@ -1,4 +1,10 @@
-"""Runs that are integrated together: their arrays, the loop over them, and their histories."""
+"""Integrate several runs together: prepare their arrays, call the time loop, and collect their histories.
+
+Runs of one model differ in their ground motion, and may differ in damping and in the parameters of their
+joints. Each begins at rest under the static loads, or from a state that an earlier run or stage has left. The
+compiled loop is called a few hundred steps at a time, so that progress can be reported between the calls. A
+run that does not converge ends with its error, and the other runs go on.
+"""
 
 from __future__ import annotations
 

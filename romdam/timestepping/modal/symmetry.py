@@ -1,20 +1,24 @@
-"""Symmetry reduction: equivalent contacts are merged, and modes that nothing moves are left out.
+"""Symmetry reduction: merge gaps that move alike, and leave out modes that nothing excites.
 
-A scene that mirrors itself, shaken along its plane of symmetry, moves symmetrically: gaps side by side open
-alike, slide alike or against each other, and the twisting modes stay at rest. No geometry is looked at. A
-partition of the gaps is sought, and signs (or none) for the directions of each gap, such that forces equal
-within its groups but for the signs, and the loads, give jumps that are,
+A scene that is its own mirror image, shaken along its plane of symmetry, moves symmetrically. Gaps at
+mirrored points open alike, and slide alike or against each other, while the twisting modes stay at rest. Then
+one gap can stand for each group of such gaps, and the problem has fewer gaps and modes.
+
+The geometry is not examined. Instead a partition of the gaps is sought, with a sign (or zero) for each
+direction of each gap, such that forces which are equal within the groups, up to the signs, and the loads
+cause jumps that are equal within the groups too:
 
     B (K + s)^-1 B^T p  and  B (K + s)^-1 load  constant in every group, for every s,
 
-with gaps of one law in a group. What solves the problem of the groups, spread evenly, then solves that of the
-gaps, step by step. Without friction there is no other solution; with friction there may be, as in any step.
+where the gaps of a group have the same law. A solution for the groups, spread evenly over their gaps, is then
+a solution for the gaps, step by step. Without friction it is the only one; with friction there may be others,
+as in any step.
 
-The partition is the coarsest: from groups of equal law on, gaps whose jumps differ are told apart until none
-do. Eigenvectors of nearly equal frequencies mix what mirrors and what does not, so the modes of a
-frequency are turned to what the groups and the loads move; what is left out is measured. Of the 100 gaps and
-360 modes of configs/two_cantilevers.yaml 60 and 193 remain, whose flexibilities are those of the whole to
-1e-11 at rest and 1e-10 within a step. Openings are equal to 1e-11.
+The coarsest such partition is computed by refinement: it begins with the groups of equal law, and gaps whose
+jumps differ are separated until no jumps differ. Eigenvectors of nearly equal frequencies mix symmetric and
+antisymmetric shapes, so the modes of one frequency are rotated into those that the groups and the loads
+excite and the rest. What is left out is measured, and the reduction is refused where that is more than
+round-off.
 
 References
 ----------
