@@ -178,6 +178,28 @@ def test_another_numba_compiles_plainly_to_the_same_numbers(tmp_path, other):
     assert bool(list(tmp_path.rglob("*.nbc"))) == ("cache" not in other)
 
 
+@pytest.mark.skipif(not CALLED, reason="with this numba its own flags stay")
+def test_flags_are_equal_where_all_their_values_are():
+    """As numba compares them: whether a value is set or left at its default does not count."""
+    from numba.core.compiler import Flags
+
+    random, made = np.random.default_rng(3), [Flags(), Flags()]
+    switches = [name for name, option in Flags.options.items() if isinstance(option.default, bool)]
+    for _ in range(60):
+        flags = Flags()
+        for name in random.choice(switches[:3], 2):
+            setattr(flags, name, bool(random.integers(2)))
+        flags.fastmath = bool(random.integers(2))
+        made.append(flags)
+    alike = 0
+    for one in made:
+        for other in made:
+            same = one.values() == other.values()
+            assert (one == other) is same and (hash(one) == hash(other) or not same)
+            alike += same
+    assert len(made) < alike < len(made) ** 2 and made[0] != 1
+
+
 STEPS = """
 import sys
 sys.path.insert(0, {contact!r})
