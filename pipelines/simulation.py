@@ -82,13 +82,15 @@ def prepare(
     name = integrator or transient.integrator or suitable_integrator(system)
     with placed(job.path):
         refuse_active_damping(system)
-    prepared_before = {} if like is None else like.symmetries
     ready = grouted(constructed(system, transient.tolerance), transient.tolerance)
     if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows
         ready = with_uplift_at_rest(with_joint_state(ready), transient.tolerance)
     else:
         ready = with_joint_state(with_uplift_at_rest(ready, transient.tolerance))
-    return Prepared(ready, integrator_class(name).configured(transient), symmetries=prepared_before)
+    fresh = Prepared(ready, integrator_class(name).configured(transient))
+    if like is None:
+        return fresh
+    return replace(fresh, symmetries=like.symmetries, propagators=like.propagators)
 
 
 def simulate_motions(

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from romdam.pipelines.jobs import load_config
     from romdam.pipelines.modes import ModesOptions, modes
     from romdam.pipelines.run import Outcome, run
+    from romdam.pipelines.suites.prepared_model import PreparedModel, prepare
     from romdam.pipelines.suites.run import SuiteOptions, SuiteOutcome, run_suite
     from romdam.reduction.storage.user_cache import cache_folder
     from romdam.results.fields import Result, open_result
@@ -45,10 +46,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Config", "ConfigError", "ConvergenceError", "GroundMotion", "Job", "MeshError", "ModesOptions",
-    "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",
-    "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify", "check", "compare",
-    "compare_results", "load_config", "modes", "open_result", "open_suite", "read_motions", "run",
-    "run_suite", "study", "verify", "verify_mesh",
+    "Outcome", "PreparedModel", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError",
+    "SuiteOptions", "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify",
+    "check", "compare", "compare_results", "load_config", "modes", "open_result", "open_suite", "prepare",
+    "read_motions", "run", "run_suite", "study", "verify", "verify_mesh",
 ]  # fmt: skip
 
 # Looked up on first use, so that `import romdam` and `romdam --help` load no numerical library.
@@ -73,6 +74,7 @@ _LAZY = {
         "romdam.pipelines.jobs": ("load_config",),
         "romdam.pipelines.modes": ("ModesOptions", "modes"),
         "romdam.pipelines.run": ("Outcome", "run"),
+        "romdam.pipelines.suites.prepared_model": ("PreparedModel", "prepare"),
         "romdam.pipelines.suites.run": ("SuiteOptions", "SuiteOutcome", "run_suite"),
         "romdam.reduction.storage.user_cache": ("cache_folder",),
         "romdam.results.fields": ("Result", "open_result"),

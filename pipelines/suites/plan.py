@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import xarray as xr
 
 from romdam.config.load import Job, located
-from romdam.config.parameters import vary
+from romdam.config.parameters import VariedKey, vary
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.arrays import Floats
 from romdam.core.counted import Counted
@@ -41,6 +41,7 @@ from romdam.records.record_set import Loaded, usable_apart
 from romdam.results.suite.design import (
     design_dataset,
     no_factors,
+    samples_dataset,
     scale_count,
     scale_factors,
     some_samples,
@@ -155,10 +156,7 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
     if most is not None and sample_count > most:
         design, distinct = some_samples(design, most)
     columns = {name: design[PARAMETER + name].values for name in places}
-    samples = Samples(
-        places,
-        tuple({n: float(v[i]) for n, v in columns.items()} for i in range(design.sizes["sample"])),
-    )
+    samples = _samples(places, columns, design.sizes["sample"])
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
         job = log_scene_warnings(scene, job)
@@ -180,6 +178,52 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
             ) from error
     statement = None if choice is None else choice.statement
     return Plan(job, scene, records, samples, design, runs, distinct, tuple(considered), statement)
+
+
+def plan_of_samples(plan: Plan, places: dict[str, VariedKey], columns: Mapping[str, Floats]) -> Plan:
+    """The plan of the same records and scales with other samples; nothing is read again.
+
+    Its scene, of which the basis is made, stays that of `plan` where that has the directions of the joints
+    that the samples need; and the basis answers the loads of `plan`, where these reach those of the samples.
+
+    Parameters
+    ----------
+    places, columns : of what varies, and (samples,) its values, SI
+
+    Raises
+    ------
+    ConfigError
+        as `built_samples` and `extreme_scenes`.
+    """
+    design = samples_dataset(places, columns)
+    samples = replace(_samples(places, columns, design.sizes["sample"]), also=plan.samples.also or ())
+    if not _reaches(plan.job, plan.samples, samples):
+        samples = replace(samples, also=extreme_scenes(plan.job, samples, columns))
+    samples, scene = built_samples(plan.job, plan.scene, samples, lambda done, total: None)
+    if gap_law(scene).directions == gap_law(plan.scene).directions:
+        scene = plan.scene
+    runs = _runs(plan.records, "", samples.contents)  # nothing is kept by their keys
+    return replace(plan, scene=scene, samples=samples, design=design, runs=runs, distinct=None)
+
+
+def _samples(places: dict[str, VariedKey], columns: Mapping[str, Floats], count: int) -> Samples:
+    return Samples(places, tuple({n: float(v[i]) for n, v in columns.items()} for i in range(count)))
+
+
+def _reaches(job: Job, samples: Samples, others: Samples) -> bool:
+    """Tell whether a basis for the extremes of some samples answers the loads of others."""
+    ranges = {place: values for name in samples.structural for place, values in samples.ranges(name).items()}
+    return all(
+        place in ranges and ranges[place][0] <= least and largest <= ranges[place][1]
+        for name in others.structural
+        if _loads_follow(job, others.places[name])
+        for place, (least, largest) in others.ranges(name).items()
+    )
+
+
+def _loads_follow(job: Job, key: VariedKey) -> bool:
+    """Tell whether loads change with what is varied: the modulus scales those by temperature."""
+    return key.is_load or (key.keys == ("E",) and bool(job.config.loads.temperature))
 
 
 def built_samples(job: Job, scene: Scene, samples: Samples, progress: Progress) -> tuple[Samples, Scene]:
@@ -226,8 +270,8 @@ def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) ->
     numbers = list[int]()
     for name in samples.structural:
         if samples.places[name].is_load:
-            numbers += [int(columns[name].argmin()), int(columns[name].argmax())]
-        elif samples.places[name].keys == ("E",) and job.config.loads.temperature:
+            numbers.append(int(columns[name].argmin()))
+        if _loads_follow(job, samples.places[name]):
             numbers.append(int(columns[name].argmax()))
     scenes = list[Scene]()
     for number in dict.fromkeys(numbers):
@@ -309,9 +353,13 @@ def _model_key(job: Job, scene: Scene, also: Sequence[Scene] = ()) -> str:
         "keep": "" if suite is None else str(suite.keep),
         "directions": gap_law(scene).directions,
     }
-    loads = [(other.water, other.reservoir, other.blocks) for other in also]  # that the basis answers
-    more = (loads,) if loads else ()
+    more = (basis_content(scene, also),) if also else ()
     return fingerprint((LAYOUT, code_digest(), asked, *scene_content(scene, _OF_SAMPLES), *more))
+
+
+def basis_content(scene: Scene, also: Sequence[Scene]) -> tuple[object, ...]:
+    """What a basis of one scene depends on beside it: the directions of the gaps, other loads it answers."""
+    return gap_law(scene).directions, [scene_content(other, _OF_SAMPLES) for other in also]
 
 
 def finished(suite: Suite, folder: Path, plan: Plan) -> dict[str, SuiteRow]:

@@ -16,7 +16,7 @@ from romdam.core.errors import ConfigError, ResultError, describe_error, recover
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System, with_parameters
-from romdam.core.threads import one_thread
+from romdam.core.threads import cpu_time, one_thread
 from romdam.effects.scene_effects import scene_effects
 from romdam.error.statement import row_errors
 from romdam.fem.assembly import Assembly
@@ -111,14 +111,14 @@ def run_task(suite: Suite, task: Task) -> list[SuiteRow]:
     ResultError
         where a result that is to be kept cannot be written.
     """
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall, cpu = time.perf_counter(), cpu_time()
     samples = dict.fromkeys(run.index[2] for run in task.runs)
     models = {number: sample_model(suite, number) for number in samples}
     motions = [scaled(task.motions[run.record], run) for run in task.runs]
     note = Note(suite.notes, task.runs[0].key, len(task.runs))
     report = note.report_stage(0.0, _INTEGRATION)
     outcomes = integrate_runs(suite.job, [models[run.index[2]] for run in task.runs], motions, report)
-    spent = (time.perf_counter() - wall, time.process_time() - cpu)
+    spent = (time.perf_counter() - wall, cpu_time() - cpu)
     # each run has the share of the task's time that its own steps took
     cpu_seconds = [
         0.0 if isinstance(outcome, Exception)
@@ -177,7 +177,7 @@ def _row(
     clock: tuple[float, float],
 ) -> SuiteRow:
     """The numbers of a run that took `clock` seconds so far; its result is written if it is kept."""
-    wall, cpu = time.perf_counter() - clock[0], time.process_time() - clock[1]
+    wall, cpu = time.perf_counter() - clock[0], cpu_time() - clock[1]
     history = with_balance(suite.job, model, history)
     history, estimate = with_estimates(suite.job, model, motion, history)
     attributes = {"model_order": suite.job.config.model.order}
@@ -186,7 +186,7 @@ def _row(
     history, stress = stress_of(model.scene, model.stress, history)
     case = Case(model.scene, motion, history, stress, floors)
     stated["wall_seconds"] = time.perf_counter() - wall
-    stated["cpu_seconds"] = time.process_time() - cpu
+    stated["cpu_seconds"] = cpu_time() - cpu
     kept = None if suite.write is None else suite.write(suite, run, case, estimate)
     warnings = tuple(case_warnings(case, suite.job))
     return SuiteRow(run.key, "", row_values(case, stated), kept, warnings=warnings)

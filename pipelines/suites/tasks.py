@@ -49,6 +49,11 @@ class Samples:
         """Names of the parameters of materials and levels."""
         return [name for name, key in self.places.items() if key.structure]
 
+    def ranges(self, name: str) -> dict[str, tuple[float, float]]:
+        """Each place of a structural parameter -> its least and its largest value, SI."""
+        column = [values[name] for values in self.values]
+        return dict.fromkeys(self.places[name].structure, (min(column), max(column)))
+
     def scene(self, job: Job, scene: Scene, number: int) -> tuple[Scene, Varied]:
         """The scene of one sample, and what it varies.
 

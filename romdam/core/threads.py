@@ -43,7 +43,10 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import RLock, get_ident, local
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from threadpoolctl import LibController
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -61,6 +64,7 @@ _lock = RLock()
 _jobs: list[int] = []  # a Python thread for each `one_thread` that it is in
 _ceilings: dict[str, int] = {}  # library -> its threads before the first of them
 _held: list[int] = []  # the threads that libraries were set to last, and how many modules were loaded then
+_libraries: dict[int, list[LibController]] = {}  # modules that were loaded -> libraries that came with them
 _of_thread = local()  # `helped`: CPU seconds that other threads have spent for this one
 
 
@@ -180,15 +184,18 @@ def _taken(done: Future[tuple[T, float]]) -> T:
 def _set_threads(count: int) -> None:
     """Set what every library loaded by now may start, at most what it had at first.
 
-    A library comes with a module: without a new one it is as it was set. To list them takes 2 ms.
+    A library comes with a module: without a new one it is as it was set, and the libraries are those listed
+    before. To list them takes 2 ms.
     """
     from threadpoolctl import ThreadpoolController  # here: `import romdam` stays without it
 
     if _held == [count, len(sys.modules)]:
         return
     _held[:] = count, len(sys.modules)
-    libraries = ThreadpoolController().lib_controllers
-    for library in libraries:
+    if len(sys.modules) not in _libraries:
+        _libraries.clear()
+        _libraries[len(sys.modules)] = ThreadpoolController().lib_controllers
+    for library in _libraries[len(sys.modules)]:
         # from threadpoolctl 3.8 on the first Python thread that sets a library shuts the others out
         release = getattr(library, "clear_controlling_thread", lambda force: None)
         most = _ceilings.setdefault(library.filepath, library.get_num_threads())

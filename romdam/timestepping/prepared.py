@@ -105,6 +105,7 @@ class Prepared:
         differ
     symmetries : which contacts are equivalent, see `merge_equivalent_contacts`; shared with systems that
         differ in damping and in their joints' parameters at most
+    propagators : of modes over a step, by their frequencies and damping; shared as `symmetries` are
     symmetry, whole : how this system with merged contacts stands for a whole one, and that one
     """
 
@@ -113,6 +114,7 @@ class Prepared:
     cache: OperatorCache = field(default_factory=OperatorCache)
     merged: dict[bytes, Prepared | None] = field(default_factory=dict)
     symmetries: dict[Hashable, Symmetry | None] = field(default_factory=dict)
+    propagators: OperatorCache = field(default_factory=OperatorCache)
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
 
@@ -123,7 +125,8 @@ class Prepared:
 
     def smaller(self, symmetry: Symmetry) -> Prepared:
         """Prepare the system with merged contacts for the same integrator."""
-        return Prepared(symmetry.system, self.integrator, symmetry=symmetry, whole=self)
+        shared = self.propagators
+        return Prepared(symmetry.system, self.integrator, propagators=shared, symmetry=symmetry, whole=self)
 
 
 class Simulation(NamedTuple):

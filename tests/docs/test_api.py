@@ -15,10 +15,10 @@ FENCE = re.compile(r"^```python\n(.*?)^```$", re.M | re.S)
 DOCUMENTED = re.compile(r"^\.\. auto\w+:: romdam\.(\w+)$", re.M)
 PUBLIC = {
     "Config", "ConfigError", "ConvergenceError", "GroundMotion", "Job", "MeshError", "ModesOptions",
-    "Outcome", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError", "SuiteOptions",
-    "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify", "check", "compare",
-    "compare_results", "load_config", "modes", "open_result", "open_suite", "read_motions", "run",
-    "run_suite", "study", "verify", "verify_mesh",
+    "Outcome", "PreparedModel", "RecordError", "ReductionError", "Result", "ResultError", "RomdamError",
+    "SuiteOptions", "SuiteOutcome", "WorkerError", "WriteError", "__version__", "cache_folder", "certify",
+    "check", "compare", "compare_results", "load_config", "modes", "open_result", "open_suite", "prepare",
+    "read_motions", "run", "run_suite", "study", "verify", "verify_mesh",
 }  # fmt: skip
 
 

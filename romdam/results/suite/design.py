@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -53,11 +53,19 @@ def varied_keys(job: Job, suite: SuiteConfig) -> dict[str, VariedKey]:
     ConfigError
         for a path that cannot be varied, or two that name the same place.
     """
+    return keys_at(job, {name: parameter.paths for name, parameter in suite.parameters.items()})
+
+
+def keys_at(job: Job, paths: Mapping[str, Sequence[str]]) -> dict[str, VariedKey]:
+    """Find where each of some parameters stands, by the paths that have its value.
+
+    Raises
+    ------
+    ConfigError
+        as `varied_keys`.
+    """
     source = str(job.path)
-    places = {
-        n: find_varied_key(job.config, parameter.paths, n, source)
-        for n, parameter in suite.parameters.items()
-    }
+    places = {name: find_varied_key(job.config, each, name, source) for name, each in paths.items()}
     taken: dict[tuple[str, str], str] = {}
     for name, key in places.items():
         for place in key.structure:
@@ -112,17 +120,53 @@ def design_dataset(job: Job, suite: SuiteConfig, places: Mapping[str, VariedKey]
         grid = np.meshgrid(*levels, indexing="ij")
         values = {name: column.ravel() for name, column in zip(suite.parameters, grid, strict=True)}
         kind = "full grid"
+    title = f"Samples of {job.config.title or job.path.stem}"
+    attributes: dict[str, object] = {"title": title, "design": kind, "content_sha256": fingerprint(values)}
+    if isinstance(design, SobolIndicesConfig):
+        attributes[BASE_SAMPLES] = design.sobol_indices
+    return samples_dataset(places, values).assign_attrs(attributes)
+
+
+def samples_dataset(places: Mapping[str, VariedKey], values: Mapping[str, Floats]) -> xr.Dataset:
+    """Samples as a Dataset with the dim sample; one that varies nothing where there are no values.
+
+    Parameters
+    ----------
+    values : (samples,) of each parameter, SI
+    """
     count = len(next(iter(values.values()))) if values else 1
     data = {
         PARAMETER + name: ("sample", column, {"units": places[name].units, "long_name": places[name].path})
         for name, column in values.items()
     }
-    title = f"Samples of {job.config.title or job.path.stem}"
-    attributes: dict[str, object] = {"title": title, "design": kind, "content_sha256": fingerprint(values)}
-    if isinstance(design, SobolIndicesConfig):
-        attributes[BASE_SAMPLES] = design.sobol_indices
     sample = ("sample", np.arange(count), {"units": "1", "long_name": "number of the sample"})
-    return xr.Dataset(data, coords={"sample": sample}, attrs=attributes)
+    return xr.Dataset(data, coords={"sample": sample})
+
+
+def stated_samples(
+    places: Mapping[str, VariedKey],
+    values: Mapping[str, float | str | Sequence[float | str] | Floats],
+    source: str,
+) -> dict[str, Floats]:
+    """Values (samples,) of parameters in SI, from one value or several of each.
+
+    Raises
+    ------
+    ConfigError
+        for values that a key would not take, and for other numbers of values.
+    """
+    columns = dict[str, Floats]()
+    for name, stated in values.items():
+        several = np.ravel(np.asarray(stated, dtype=object)).tolist()
+        plain = [value.item() if isinstance(value, np.generic) else value for value in several]
+        columns[name] = np.array([si_value(places[name], value, name, source) for value in plain])
+    counts = {name: len(column) for name, column in columns.items()}
+    if len({*counts.values()}) > 1 or 0 in counts.values():
+        raise ConfigError(
+            f"{source}: every key has one value for each sample, and at least one; got "
+            f"{', '.join(f'{count} of {name}' for name, count in counts.items())}"
+        )
+    return columns
 
 
 def _refuse_large(suite: SuiteConfig, source: str) -> None:

@@ -97,16 +97,7 @@ def summary_dataset(
     Dataset with dims record, scale, sample, and joint, gap, node, component, stress_measure where they apply
     """
     shape = (len(records), len(_scales(job)[0]), design.sizes["sample"])
-    data: dict[str, Any] = {}
-    # in the order of the table: that of the rows is one of chance
-    present = {name for row in rows.values() for name in row.values}
-    for name in (name for name in (*ROWS, *STATED) if name in present):
-        known = next(row.values[name] for row in rows.values() if name in row.values)
-        whole = np.full((*shape, *known.shape), np.nan, np.float32 if name in _SINGLE else np.float64)
-        for at, row in rows.items():
-            if name in row.values:
-                whole[at] = row.values[name]
-        data[name] = ((*_RUN, *dims_of(name)), whole, attributes_of(name))
+    data = _of_rows(shape, rows)
     data |= _measures(job, records)
 
     # what the records' own entries have done to them, besides the suite's scale
@@ -129,17 +120,10 @@ def summary_dataset(
         {"long_name": "the last sequence of records here that has this record in it, which runs alone too"},
     )
 
-    status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
+    data |= _outcomes(shape, records, rows)
     files = np.full(shape, "", dtype=object)
-    for i, record in enumerate(records):
-        if record.motion is None:
-            message[i] = record.message
     for at, row in rows.items():
-        status[at], message[at] = FAILED if row.message else DONE, row.message
         files[at] = "" if row.kept is None else row.kept.file
-    flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
-    data["status"] = (_RUN, status, {"long_name": "whether the run succeeded"} | flags)
-    data["message"] = (_RUN, message.astype(str), {"long_name": "why a run failed"})
     results_folder = RUNS_FOLDER if job.config.pipeline == "suite" else _BESIDE
     where = "beside this file" if results_folder == _BESIDE else f"in {results_folder}"
     data["file"] = (_RUN, files.astype(str), {"long_name": f"the run's own result {where}, if kept"})
@@ -168,6 +152,64 @@ def summary_dataset(
         return dataset
     hazard = suite_hazard(stated, job.folder, str(job.path))
     return with_hazard_of_response(dataset, hazard.curve, hazard.response, hazard.measure, hazard.levels)
+
+
+def runs_dataset(
+    job: Job,
+    scene: Scene,
+    design: xr.Dataset,
+    records: Sequence[SuiteRecord],
+    rows: Mapping[RunIndex, SuiteRow],
+) -> xr.Dataset:
+    """The runs of a summary alone, without the records' measures and what is computed of all runs.
+
+    Parameters
+    ----------
+    job, scene, design, records, rows : see `summary_dataset`
+
+    Returns
+    -------
+    Dataset with the dims, coordinates, responses, status and messages of `summary_dataset`
+    """
+    shape = (len(records), len(_scales(job)[0]), design.sizes["sample"])
+    data = _of_rows(shape, rows) | _outcomes(shape, records, rows)
+    attributes = {
+        "title": job.config.title or job.path.stem,
+        "source": SOURCE,
+        "run_warnings": json.dumps(_distinct_warnings(records, rows)),
+    }
+    return xr.Dataset(data, _coordinates(job, scene, design, records, data), attributes)
+
+
+def _of_rows(shape: tuple[int, ...], rows: Mapping[RunIndex, SuiteRow]) -> dict[str, Any]:
+    """Variables of the rows' numbers, in the order of the table: that of the rows is one of chance."""
+    data: dict[str, Any] = {}
+    present = {name for row in rows.values() for name in row.values}
+    for name in (name for name in (*ROWS, *STATED) if name in present):
+        known = next(row.values[name] for row in rows.values() if name in row.values)
+        whole = np.full((*shape, *known.shape), np.nan, np.float32 if name in _SINGLE else np.float64)
+        for at, row in rows.items():
+            if name in row.values:
+                whole[at] = row.values[name]
+        data[name] = ((*_RUN, *dims_of(name)), whole, attributes_of(name))
+    return data
+
+
+def _outcomes(
+    shape: tuple[int, ...], records: Sequence[SuiteRecord], rows: Mapping[RunIndex, SuiteRow]
+) -> dict[str, Any]:
+    """Whether each run succeeded, and why not."""
+    status, message = np.full(shape, FAILED, dtype=np.int8), np.full(shape, "not run", dtype=object)
+    for i, record in enumerate(records):
+        if record.motion is None:
+            message[i] = record.message
+    for at, row in rows.items():
+        status[at], message[at] = FAILED if row.message else DONE, row.message
+    flags = {"flag_values": np.array([DONE, FAILED], dtype=np.int8), "flag_meanings": "done failed"}
+    return {
+        "status": (_RUN, status, {"long_name": "whether the run succeeded"} | flags),
+        "message": (_RUN, message.astype(str), {"long_name": "why a run failed"}),
+    }
 
 
 def _distinct_warnings(

@@ -16,17 +16,17 @@ where q_p is the displacement of each mode per unit force that is constant over 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, blocks_of_gaps, gap_memory, self_flexibility
-from romdam.core.arrays import Floats, Ints, at, stacked
+from romdam.core.arrays import Bools, Floats, Ints, at, stacked
 from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
 from romdam.timestepping.modal.arrays import BASE, ModalModel, StepHierarchy
@@ -34,6 +34,8 @@ from romdam.timestepping.modal.propagator import Propagator, modal_propagator, r
 from romdam.timestepping.modal.symmetry import Symmetry
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.steps import Steps
+
+T = TypeVar("T")
 
 _ALIKE = 1e-9  # relative difference of relaxation times that count as one
 
@@ -284,7 +286,8 @@ class _Motion:
 
         def level(dt: float) -> tuple[Propagator, Floats]:
             """Propagator of the dynamic modes, and half their flexibility over the step."""
-            step = modal_propagator(k[split.dynamic], c[split.dynamic], dt, massless)
+            modes = k[split.dynamic], c[split.dynamic], dt, massless
+            step = _of_modes(prepared, modal_propagator, *modes)
             return step, 0.5 * ((split.G * step.q_p) @ split.G.T)
 
         levels = [
@@ -302,6 +305,19 @@ class _Motion:
         return cls(step, decay, H, single, half)
 
 
+def _of_modes(
+    prepared: Prepared,
+    compute: Callable[[Floats, Floats, float, Bools], T],
+    k: Floats,
+    c: Floats,
+    dt: float,
+    massless: Bools,
+) -> T:
+    """What is computed of modes over a step, once for all systems that have these modes."""
+    key = (compute.__name__, k.tobytes(), c.tobytes(), dt, massless.tobytes())
+    return prepared.propagators.get_or_compute(key, partial(compute, k, c, dt, massless))
+
+
 def _single_flexibility(
     whole: Prepared, symmetry: Symmetry, split: ModeSplit, sizes: Sequence[float], decay: Floats
 ) -> Floats:
@@ -311,12 +327,7 @@ def _single_flexibility(
     rows = (d * np.unique(symmetry.gaps, return_index=True)[1][:, None] + np.arange(d)).ravel()
     k_dynamic, c_dynamic = k[split.dynamic], c[split.dynamic]
     massless = whole.system.M.diagonal()[split.dynamic] == 0.0
-    responses = [
-        whole.cache.get_or_compute(
-            ("response", *split.key, dt), partial(response_to_force, k_dynamic, c_dynamic, dt, massless)
-        )
-        for dt in sizes
-    ]
+    responses = [_of_modes(whole, response_to_force, k_dynamic, c_dynamic, dt, massless) for dt in sizes]
     G, G_quasi = (each[rows].reshape(len(rows) // d, d, each.shape[1]) for each in (split.G, split.G_quasi))
     relaxed = (G_quasi / k[split.quasi_static]) @ G_quasi.transpose(0, 2, 1)
     blocks = [
