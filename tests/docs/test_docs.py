@@ -3,7 +3,7 @@
 A `python` block is executed, one namespace a page; the lines after `$` of a `console` block are run; a `yaml`
 block is loaded as a job, a part of one within configs/two_cantilevers.yaml; a block that begins with
 `# configs/NAME` is that file. A `text` block is only read. `<!-- slow: why -->` makes a page slow: CI runs it
-after the others.
+after the others; `<!-- needs: A, B -->` names modules without which it is skipped.
 """
 
 import re
@@ -58,6 +58,12 @@ def _is_slow(page):
     return "<!-- slow:" in page.read_text()
 
 
+def _needs(page):
+    """Modules of further packages that a page uses."""
+    found = re.search(r"<!-- needs: (.*?) -->", page.read_text())
+    return found[1].split(", ") if found else []
+
+
 def _named(pages):
     return [
         pytest.param(page, id=str(page.relative_to(ROOT)), marks=[pytest.mark.slow] if _is_slow(page) else [])
@@ -87,6 +93,8 @@ RUN = [page for page in PAGES if any(kind in ("python", "console", "yaml") for k
 
 @pytest.mark.parametrize("page", _named(RUN))
 def test_every_block_runs(page, tmp_path, monkeypatch):
+    for module in _needs(page):
+        pytest.importorskip(module, reason=f"{page.name} needs {module}")
     shutil.copytree(ROOT / "configs", tmp_path / "configs")
     shutil.copytree(ROOT / "data" / "records", tmp_path / "data" / "records")
     monkeypatch.chdir(tmp_path)

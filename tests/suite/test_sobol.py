@@ -246,3 +246,24 @@ def test_unsound_designs_are_refused_by_check(tmp_path, parameters, more, part):
     with pytest.raises(ConfigError) as told:
         samples(tmp_path, parameters, **{"design": {"sobol_indices": 64}, **more})
     assert part in str(told.value) and "suite.yaml" in str(told.value)
+
+
+def test_salib_has_the_indices_of_a_suite_from_its_samples(tmp_path):
+    """Total indices to round-off. SALib centres the responses by the mean of all runs before the first-order
+    estimator, romdam by that of A and B: a shift d changes it by d mean(f_ABi - f_A) / V."""
+    sobol = pytest.importorskip("SALib.analyze.sobol", reason="SALib is not installed")
+    E = {"path": "materials.concrete.E", "low": "20 GPa", "high": "40 GPa"}
+    rho = {"path": "materials.concrete.rho", "low": 2000, "high": 3000}
+    base, parameters = 32, {"gap": {**GAP, "low": 0}, "E": E, "rho": rho}
+    config = write_job(tmp_path, 1, {"design": {"sobol_indices": base}, "parameters": parameters})
+    summary = made(config, tmp_path / "out").summary
+    values = {name: summary[f"parameter_{name}"].values for name in parameters}
+    y = romdam.prepare(config).run(values).peak_opening.values.reshape(-1, base)  # A, B, AB_1, AB_2, AB_3
+    rows = y[[0, 2, 3, 4, 1]].T.ravel()  # SALib has A, AB_1, AB_2, AB_3, B of each base sample
+    problem = {"num_vars": 3, "names": [*parameters], "bounds": [[0.0, 1.0]] * 3}
+    found = sobol.analyze(problem, rows, calc_second_order=False, seed=1)
+    assert found["ST"] == approx(summary.sobol_total_peak_opening.values.ravel(), abs=1e-12)
+    shift = y.mean() - y[:2].mean()
+    first = found["S1"] + shift * (y[2:] - y[0]).mean(axis=1) / y[:2].var()
+    assert first == approx(summary.sobol_first_peak_opening.values.ravel(), abs=1e-12)
+    assert found["ST"].min() > 0.01 and abs(shift) > 1e-8
