@@ -61,7 +61,7 @@ def run_costs(
     least = max(_START_UP, _ROWS * settings_for(job, model.prepared, strongest).steps.interval)
     short = min(1.0, _PARTS * max(_FIRST, least / whole))
     start = cpu_time()
-    model = replace(model, stress=stress_fields(model.scene, model.reduced))
+    model = replace(model, stress=stress_fields(model.scene, model.reduced_at_rest))
     fields = cpu_time() - start
     try:
         _run_parts(job, model, sibling, strongest, short, only_one=True)  # compiles

@@ -222,15 +222,20 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
             at_joints = _stress(
                 replace(scene, stress=sites), RunModel(replace(tied, stress=sites), prepared, reduced)
             )
-        structure = structure_of(scene, system, fields, at_joints, job.config.loads.begins)
+        structure = structure_of(scene, prepared.system, fields, at_joints, job.config.loads.begins)
     return LinearModel(job, stage, scene, model, structure)
 
 
 def _stress(scene: Scene, model: RunModel) -> dict[str, StressFields]:
     """Stress of the modes; what acted before the joints were grouted acted on the blocks of `scene` alone."""
-    fields = stress_fields(model.scene, model.reduced)
+    fields = stress_fields(model.scene, model.reduced_at_rest)
     if not scene.staged_weight:
         return fields
+    if scene.sustained_ratios:
+        raise ConfigError(
+            "linear_stage: with materials.<name>.E_dynamic no stress of loads.weight: staged is known to it; "
+            "leave out one of the three"
+        )
     stress, forces = initial_stress(scene, stress_operators(scene)), initial_forces(scene)
     return {
         name: replace(one, offset=stress[name], section_offset=forces[name]) for name, one in fields.items()

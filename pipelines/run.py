@@ -395,7 +395,7 @@ def _shared(model: RunModel, goal: Goal, clock: Clock) -> tuple[RunModel, dict[s
     None of it is asked for before the first record is integrated.
     """
     with replace(clock, show=silent).stage("stress_fields", "stress of the modes"):
-        model = replace(model, stress=stress_fields(model.scene, model.reduced, goal.folder))
+        model = replace(model, stress=stress_fields(model.scene, model.reduced_at_rest, goal.folder))
     files = write_shared(goal.folder, model, rock=goal.rock)
     if goal.figures:
         import_module(_PLOTS)

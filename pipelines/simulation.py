@@ -24,6 +24,7 @@ from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.construction import constructed
 from romdam.timestepping.contact_resolution import resolution_warnings
+from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
@@ -59,6 +60,11 @@ class RunModel:
         return self.prepared.system
 
     @property
+    def reduced_at_rest(self) -> ReducedModel | None:
+        """The reduced model with the system that is shaken; None at full order."""
+        return None if self.reduced is None else replace(self.reduced, system=self.system)
+
+    @property
     def mesh_unknowns(self) -> int:
         """Three for each node, held ones too."""
         return sum(block.points.size for block in self.scene.blocks.values())
@@ -82,11 +88,18 @@ def prepare(
     name = integrator or transient.integrator or suitable_integrator(system)
     with placed(job.path):
         refuse_active_damping(system)
+    if system.sustained is not None and system.sustained.rest is not None:  # of other joints
+        system = replace(
+            system.under_lasting_loads, K=system.K, diagonal=system.diagonal,
+            sustained=replace(system.sustained, rest=None),
+        )  # fmt: skip
     ready = grouted(constructed(system, transient.tolerance), transient.tolerance)
     if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows
         ready = with_uplift_at_rest(with_joint_state(ready), transient.tolerance)
     else:
         ready = with_joint_state(with_uplift_at_rest(ready, transient.tolerance))
+    if ready.sustained is not None:  # what the record adds has other moduli
+        ready = ready.rested(static_equilibrium(ready, transient.tolerance)[0])
     fresh = Prepared(ready, integrator_class(name).configured(transient))
     if like is None:
         return fresh

@@ -26,13 +26,16 @@ def stress_fields(
 
     Parameters
     ----------
+    reduced : with the system that is shaken, whose state at rest sustained moduli need
     folder : of results, where an earlier run may have left them
     """
     if reduced is None or scene.stress is None:
         return {}
     basis, operators = reduced.basis, stress_operators(scene)
-    offset = initial_stress(scene, operators, basis)
-    sections, initial = modal_section_forces(scene, basis), initial_forces(scene, basis)
+    sustained = reduced.system.sustained
+    rest = None if sustained is None else sustained.rest
+    offset = initial_stress(scene, operators, basis, rest)
+    sections, initial = modal_section_forces(scene, basis), initial_forces(scene, basis, rest)
     moving = reduced.system.pseudo_static
     carried = {} if moving is None else carried_stress(scene, moving)
     stress_carried = {name: carried_by for name, (carried_by, _) in carried.items()}
@@ -79,10 +82,10 @@ def stress_of(
         # what was observed: motions of probes, stress of nodes, forces on sections
         probes, nodes = 3 * len(scene.probes), {n: len(s.nodes) for n, s in scene.stress.blocks.items()}
         end = probes + 6 * sum(nodes.values())
-        offset = initial_stress(scene, stress_operators(scene))
+        offset = initial_stress(scene, stress_operators(scene), rest=history.rest)
         source = StressHistory.observed(history.disp[:, probes:end], nodes, offset)
         forces = history.disp[:, end:].reshape(len(history.time), -1, 6)
-        source = replace(source, sections=forces + sum(initial_forces(scene).values()))
+        source = replace(source, sections=forces + sum(initial_forces(scene, rest=history.rest).values()))
         motion = {name: getattr(history, name)[:, :probes] for name in ("disp", "vel", "acc", "node_peaks")}
         history = replace(history, **motion)
     if scene.stress.sections and scene.joints:

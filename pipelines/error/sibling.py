@@ -209,7 +209,7 @@ def sibling_jobs(job: Job, *, finer: bool) -> list[SiblingJob]:
 
 def with_stress(model: RunModel) -> RunModel:
     """The model with the stress of its modes, where the job asks for stress."""
-    return replace(model, stress=stress_fields(model.scene, model.reduced))
+    return replace(model, stress=stress_fields(model.scene, model.reduced_at_rest))
 
 
 def run_of(model: RunModel, history: History, stress: StressSummary | None) -> MeshRun:

@@ -143,7 +143,7 @@ def _reduced(job: Job, model: RunModel, motion: GroundMotion, seconds: float, cl
     simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
     with clock.stage("reduced", "reduced model") as progress:
         history = simulate_motion(job, model.prepared, motion, seconds, progress)
-    return _verified(model.scene, history, stress_fields(model.scene, model.reduced))
+    return _verified(model.scene, history, stress_fields(model.scene, model.reduced_at_rest))
 
 
 def _full(

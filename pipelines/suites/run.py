@@ -160,7 +160,7 @@ def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> S
     store = suite_store(job, folder, cache)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
         model = reduced_model(job, scene, store, estimated=True, also=plan.samples.also)
-    model = replace(model, stress=stress_fields(scene, model.reduced))
+    model = replace(model, stress=stress_fields(scene, model.reduced_at_rest))
     suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
         files = write_shared(prepare_folder(suite.folder), model, rock=job.config.outputs.rock)

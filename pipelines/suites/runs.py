@@ -63,7 +63,10 @@ def sample_model(suite: Suite, number: int) -> RunModel:
         other = _with_sample(job, finer.prepared.system, scene, varied)
         finer = replace(finer, prepared=prepare(job, other, like=finer.prepared))
     reduced, prepared = replace(model.reduced, system=system), prepare(job, system, like=model.prepared)
-    return replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
+    sample = replace(model, scene=scene, prepared=prepared, reduced=reduced, finer=finer)
+    if system.sustained is None:
+        return sample
+    return replace(sample, stress=stress_fields(scene, sample.reduced_at_rest))  # of another state at rest
 
 
 def structural_model(job: Job, model: RunModel, scene: Scene, varied: Varied) -> RunModel:
@@ -90,7 +93,7 @@ def structural_model(job: Job, model: RunModel, scene: Scene, varied: Varied) ->
     if model.finer_dry is not None:
         finer = finer_model(job, scene, reduced, of_sample(model.finer_dry))
     sample = replace(model, scene=scene, prepared=prepare(job, reduced.system), reduced=reduced, finer=finer)
-    return replace(sample, stress=stress_fields(scene, reduced))
+    return replace(sample, stress=stress_fields(scene, sample.reduced_at_rest))
 
 
 def _with_sample(job: Job, system: System, scene: Scene, varied: Varied) -> System:

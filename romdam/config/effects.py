@@ -87,6 +87,12 @@ EFFECTS = {
     ),
     "staged construction": _known("construction", lambda config: bool(config.construction)),
     "force histories": _known("loads.force_history", lambda config: bool(config.loads.force_history)),
+    "moduli by duration": EffectEntry(
+        "materials.<name>.E_dynamic",
+        lambda config: any(one.E_dynamic not in (None, one.E) for one in config.materials.values()),
+        frozenset({"linear stage"}),
+        "apart",
+    ),
     "temperature": _known("loads.temperature", lambda config: bool(config.loads.temperature), linear=True),
     "water in joints": _known(
         "loads.joint_water", lambda config: bool(config.loads.joint_water), linear=True
@@ -122,6 +128,11 @@ _WEIGHT_OF_STAGES = (
     "blocks in a stage before their joints are grouted"
 )
 
+_ONE_MODULUS_OF_STAGES = (
+    "materials.<name>.E_dynamic: concrete hardens while stages of `construction` are built, and no "
+    "modulus of theirs is known beside the two; leave E_dynamic out, or the stages"
+)
+
 EXCLUDED = {
     frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
     frozenset({"motion along", "moving supports"}): (
@@ -141,6 +152,7 @@ EXCLUDED = {
         "anchors: would hold blocks in stages of `construction` before they are stressed; leave one of the "
         "two out"
     ),
+    frozenset({"moduli by duration", "staged construction"}): _ONE_MODULUS_OF_STAGES,
 } | {frozenset(pair): _ONE_RESERVOIR for pair in combinations(_WATERS, 2)}
 
 

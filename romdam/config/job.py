@@ -58,6 +58,7 @@ class Config(Sections):
         self._refuse_total_that_no_run_states()
         self._refuse_interval_that_no_steps_divide()
         self._refuse_grouting_without_rest()
+        self._refuse_two_moduli_without_rest()
         parameters = self.suite.parameters.values() if self.suite else ()
         varied = [path for parameter in parameters for path in parameter.paths]
         refuse_excluded(self)
@@ -139,6 +140,24 @@ class Config(Sections):
                 f"joints.{grouted[0]}.grouting_pressure is what the joint has at rest, and "
                 "loads.initial_state: undeformed starts without rest; set static, or leave the pressure out"
             )
+
+    def _refuse_two_moduli_without_rest(self) -> None:
+        two = [name for name, one in self.materials.items() if one.E_dynamic not in (None, one.E)]
+        if not two:
+            return
+        key, state = f"materials.{two[0]}.E_dynamic", self.loads.initial_state
+        if state != "static":
+            given = state if isinstance(state, str) else state.result
+            raise ValueError(
+                f"{key}: E is the modulus of the state at rest, and loads.initial_state: {given} begins "
+                "elsewhere; set static, or leave E_dynamic out"
+            )
+        for name, block in self.blocks.items():
+            if block.matrices is not None and block.material in two:
+                raise ValueError(
+                    f"materials.{block.material}.E_dynamic: block {quote(name)} has the stiffness of "
+                    "`matrices` for all loads; give it a material with one modulus"
+                )
 
     def _refuse_state_of_no_such_model(self) -> None:
         state = self.loads.initial_state

@@ -121,7 +121,8 @@ def _structure_places(config: Config) -> dict[Location, float]:
     places: dict[Location, float] = {
         ("materials", name, key): float(getattr(material, key))
         for name, material in config.materials.items()
-        for key in ("E", "rho")
+        for key in ("E", "E_dynamic", "rho")
+        if getattr(material, key) is not None
     }
     if config.water is not None:
         places["water", "level"] = config.water.level
@@ -354,8 +355,8 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
     return (
         f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key>, damping.<key>, "
-        "materials.<name>.E or .rho, anchors.<name>.pretension, masses.<name>.mass, water.level, "
-        "loads.hydrostatic.<number>.level, loads.joint_water.<number>.level or "
+        "materials.<name>.E, .E_dynamic or .rho, anchors.<name>.pretension, masses.<name>.mass, "
+        "water.level, loads.hydrostatic.<number>.level, loads.joint_water.<number>.level or "
         "loads.temperature.<number>.change (of no table), and run one suite for each value of the rest"
     )
 

@@ -58,6 +58,7 @@ _FALLING = {"velocity_friction": "the speed", "slip_weakening": "the slip"}
 _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     MaterialConfig: {
         "E": (1e8, 2.5e11, "Pa", "concrete has about 30 GPa, rock 1 to 100 GPa"),
+        "E_dynamic": (1e8, 2.5e11, "Pa", "concrete has about 35 GPa"),
         "nu": (0.05, 0.45, "", "concrete has about 0.18, rock 0.2 to 0.3"),
         "rho": (500.0, 8000.0, "kg/m3", "concrete has about 2400 kg/m3"),
         "expansion": (1e-6, 1e-4, "1/K", "concrete has about 1e-5 1/K"),

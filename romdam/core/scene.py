@@ -23,12 +23,32 @@ LOAD_KINDS = ("weight", "forces", "water", "temperature")  # of static loads, in
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity: E [Pa], nu [-], rho [kg/m3], linear thermal expansion [1/K]."""
+    """Isotropic linear elasticity.
+
+    Attributes
+    ----------
+    E : Young's modulus of what the record adds, and of all where `E_sustained` is None [Pa]
+    nu : Poisson's ratio
+    rho : density [kg/m3]
+    expansion : linear thermal expansion [1/K]
+    E_sustained : Young's modulus of loads that last, where it is another [Pa]
+    """
 
     E: float
     nu: float
     rho: float
     expansion: float = 0.0
+    E_sustained: float | None = None
+
+    @property
+    def sustained_ratio(self) -> float:
+        """Stiffness under loads that last over that of the record."""
+        return 1.0 if self.E_sustained is None else self.E_sustained / self.E
+
+    @property
+    def sustained(self) -> Self:
+        """The material as loads that last meet it."""
+        return self if self.E_sustained is None else replace(self, E=self.E_sustained, E_sustained=None)
 
     def with_mass(self, mass: bool) -> Self:
         """The same, or without mass."""
@@ -474,6 +494,12 @@ class Scene:
     attachments: tuple[Attachment, ...] = ()
     remarks: tuple[str, ...] = ()
     load_order: tuple[str, ...] = LOAD_KINDS
+
+    @property
+    def sustained_ratios(self) -> dict[str, float]:
+        """Block -> stiffness under loads that last over that of the record; empty where all have one."""
+        ratios = {name: block.material.sustained_ratio for name, block in self.blocks.items()}
+        return ratios if any(ratio != 1.0 for ratio in ratios.values()) else {}
 
     @property
     def extent(self) -> float:

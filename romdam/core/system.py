@@ -381,6 +381,28 @@ class PseudoStatic:
 
 
 @dataclass(frozen=True)
+class SustainedStiffness:
+    """Stiffness under loads that last, where that of the record is another.
+
+    At rest (K + more) u_s = force + B^T p. The record adds K (u - u_s), so that with the force -more u_s
+    beside the others u_s is an equilibrium of the system that is shaken, too.
+
+    Attributes
+    ----------
+    more : (n, n) sparse, what it is more than K of the system [N/m]
+    rest : (n,) u_s, whose force -more u_s is then in `System.force`; None before the state at rest is known
+    """
+
+    more: csr_matrix
+    rest: Floats | None = None
+
+    @property
+    def force(self) -> Floats:
+        """(n,) -more u_s, zero before u_s is known [N]."""
+        return np.zeros(self.more.shape[0]) if self.rest is None else np.asarray(-(self.more @ self.rest))
+
+
+@dataclass(frozen=True)
 class System:
     """M u'' + C u' + K u = force - load s(t) + B^T p, jumps w = B u, with s(t) the ground's acceleration.
 
@@ -421,6 +443,7 @@ class System:
     built : the joints in the stages that it has gone through; None without
     extent : size of the mesh, beyond which nothing moves in a sound run; inf where there is none [m]
     bearing : attachments whose forces are recorded; None without any
+    sustained : stiffness under loads that last; None where K is that of all
     """
 
     M: csr_matrix
@@ -450,11 +473,30 @@ class System:
     load_steps: Mapping[str, Floats] = field(default_factory=dict)
     extent: float = math.inf
     bearing: BearingRows | None = None
+    sustained: SustainedStiffness | None = None
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return self.M.shape[0]
+
+    @property
+    def under_lasting_loads(self) -> System:
+        """The system of the state at rest: the stiffness and the forces of loads that last."""
+        if self.sustained is None:
+            return self
+        more, moved = self.sustained.more, self.sustained.force
+        uncoupled = self.diagonal and not (more - diags_array(more.diagonal())).count_nonzero()
+        K = csr_matrix(self.K + more)
+        return replace(self, K=K, force=self.force - moved, diagonal=uncoupled, sustained=None)
+
+    def rested(self, rest: Floats) -> System:
+        """The system that is shaken about a state at rest, displacement (n,)."""
+        if self.sustained is None:
+            return self
+        sustained = replace(self.sustained, rest=rest)
+        force = self.force - self.sustained.force + sustained.force
+        return replace(self, force=force, sustained=sustained)
 
     def more_at_points(self, u: Floats) -> Floats:
         """What the jumps (directions * ng,) at the gaps' positions are more than those of B, for u (n,)."""
@@ -637,6 +679,7 @@ class History(GapQuantities):
     uplift, built : as of the system
     attached : (nt, k) force of each row of attachments, see `BearingRows`; empty without any [N]
     attached_peaks : (2, k) least and largest of it over every base step, where no dashpot acts [N]
+    rest : (n,) displacement of the unknowns at rest where moduli of the record are others; empty elsewhere
     balance : of the forces at rest; None where the run does not begin there
     """
 
@@ -664,6 +707,7 @@ class History(GapQuantities):
     attached: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     attached_peaks: Floats = field(default_factory=lambda: np.zeros((2, 0)))
     balance: RestBalance | None = None
+    rest: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def q(self) -> Floats | None:

@@ -127,6 +127,9 @@ def _behind(system: System, waves: Waves, B: csr_matrix, carried: Floats) -> Sys
     n, m = system.size, waves.M.shape[0]
     swept, sections = csr_matrix(waves.at_dam @ B), len(waves.drive.k)
     above, more = np.zeros((n, waves.load.shape[1])), system.at_point
+    sustained = system.sustained
+    if sustained is not None:
+        sustained = replace(sustained, more=csr_matrix(block_diag([sustained.more, csr_matrix((m, m))])))
     load = np.vstack([above, -waves.load])
     follows = {
         Motion.BASE_VELOCITY: load[:, :3],
@@ -154,6 +157,7 @@ def _behind(system: System, waves: Waves, B: csr_matrix, carried: Floats) -> Sys
         drives=(*system.drives, waves.drive),
         gyroscopic=True,
         drag=None if system.drag is None else np.vstack([system.drag, np.zeros((m, system.drag.shape[1]))]),
+        sustained=sustained,
     )
     return wet.loaded(follows)
 

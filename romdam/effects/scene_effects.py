@@ -14,6 +14,7 @@ from romdam.effects.force_histories import force_histories
 from romdam.effects.free_field import incoming_waves
 from romdam.effects.moving_supports import moving_supports
 from romdam.effects.static_loads import static_loads
+from romdam.effects.sustained_moduli import sustained_moduli
 from romdam.fem.assembly import Assembly
 from romdam.linalg.solvers import AUTO, Solving
 
@@ -43,6 +44,7 @@ def scene_effects(
     """
     effects: list[Effect | None] = [
         static_loads(scene),
+        sustained_moduli(scene),
         force_histories(scene),
         moving_supports(scene, directions, assembly, solving),
         attached_springs(scene),

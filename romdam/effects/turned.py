@@ -83,6 +83,10 @@ def turned(
     """The diagonal system in new unknowns, and their coordinates."""
     change = _Change(new, new.kept(system.size))
     rows, kept, more = change.whole.rows, change.kept, system.at_point
+    sustained = system.sustained
+    if sustained is not None:
+        stiffness = rows(rows(sustained.more.toarray()).T)
+        sustained = replace(sustained, more=csr_matrix(0.5 * (stiffness + stiffness.T)))
     omega2 = np.concatenate([new.stiffness, system.K.diagonal()[kept]])
     mass = np.concatenate([new.mass, system.M.diagonal()[kept]])
     other = replace(
@@ -96,6 +100,7 @@ def turned(
         observe=csr_matrix(rows(system.observe.toarray())),
         at_point=None if more is None else csr_matrix(rows(more.toarray())),
         parts=change.parts(system.parts),
+        sustained=sustained,
     )
     basis = coordinates.basis
     ends = {name: (part.columns.start, part.columns.stop) for name, part in basis.items()}

@@ -75,13 +75,14 @@ def pressure_force(points: Floats, facets: Ints, pressure: float) -> Floats:
 def thermal_force(block: Block, change: float | Floats) -> Floats:
     """Nodal force int B^T D alpha change dV of a change of temperature, (n, 3) [N].
 
-    The expansion held back makes the stress -E alpha change / (1 - 2 nu) in all directions.
+    The expansion held back makes the stress -E alpha change / (1 - 2 nu) in all directions, with the E of
+    loads that last.
 
     Parameters
     ----------
     change : of the whole block, or (n,) of its nodes, between which it follows the shape functions [K]
     """
-    material, force = block.material, np.zeros_like(block.points)
+    material, force = block.material.sustained, np.zeros_like(block.points)
     pressure = material.E * material.expansion * np.asarray(change) / (1.0 - 2.0 * material.nu)
     for element, _, cells in kinds_of(block.element, block.cells):
         xi, weight = element.rule

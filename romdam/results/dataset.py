@@ -18,10 +18,11 @@ import xarray as xr
 
 from romdam.config.load import Job
 from romdam.config.plausible import check_assumptions
-from romdam.core.errors import ResultError
+from romdam.core.errors import ResultError, listed
 from romdam.core.final_state import FinalState
 from romdam.core.fingerprint import code_digest
 from romdam.core.motion import AXES, GroundMotion
+from romdam.core.scene import Scene
 from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.core.version import SOURCE
@@ -89,6 +90,8 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     upstream = upstream_of(job.config, scene)
     if upstream is not None:
         attributes["upstream"] = upstream
+    if moduli := moduli_statement(scene):
+        attributes["moduli"] = moduli
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
         "source": SOURCE,
@@ -120,6 +123,20 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     if statement := stress_statement(dataset, peak_shares(case) if of_faces(case) else {}):
         dataset.attrs["stress_statement"] = statement
     return dataset
+
+
+def moduli_statement(scene: Scene) -> str:
+    """Say which modulus each block has for what; empty where all have one."""
+    blocks = dict[tuple[float, float], list[str]]()
+    for name, block in scene.blocks.items():
+        material = block.material
+        if material.E_sustained is not None:
+            blocks.setdefault((material.E_sustained, material.E), []).append(name)
+    return "; ".join(
+        f"{listed(names)}: E = {sustained / 1e9:.4g} GPa at rest (weight, water, temperature, grouting), "
+        f"E_dynamic = {dynamic / 1e9:.4g} GPa of what the record adds, of modes and damping"
+        for (sustained, dynamic), names in blocks.items()
+    )
 
 
 def run_identity(attrs: Mapping[Any, Any]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from romdam.config.effects import has_viscous_boundary
 from romdam.config.job import Config
+from romdam.config.sections.job import MaterialConfig
 from romdam.core.scene import Block, Material
 from romdam.geometry.arch_dam.generator import Dam, arch_dam
 from romdam.geometry.boxes import box_block
@@ -17,7 +18,15 @@ from romdam.geometry.meshes.files import MeshFiles
 
 def materials_of(config: Config) -> dict[str, Material]:
     """The materials of a configuration by name."""
-    return {name: Material(m.E, m.nu, m.rho, m.expansion) for name, m in config.materials.items()}
+    return {name: material_of(m) for name, m in config.materials.items()}
+
+
+def material_of(material: MaterialConfig) -> Material:
+    """A material of a configuration; E_sustained is None where its moduli are one."""
+    E, nu, rho, expansion = material.E, material.nu, material.rho, material.expansion
+    if material.E_dynamic in (None, E):
+        return Material(E, nu, rho, expansion)
+    return Material(material.E_dynamic, nu, rho, expansion, E_sustained=E)
 
 
 def dam_of(config: Config, materials: dict[str, Material], source: str) -> Dam:

@@ -139,10 +139,19 @@ def _material(name: str, material: Material) -> list[str]:
         remarks.append(
             f"materials.{name}.rho = {material.rho:g} kg/m3, concrete and rock have 2000 to 3000{meant}"
         )
-    if not _MODULUS[0] <= material.E <= _MODULUS[1]:
-        unit = "GPa" if material.E < 1e3 else "MPa"
-        meant = f"; is `{material.E:g} {unit}` meant?" if material.E < 1e6 else ""
-        remarks.append(f"materials.{name}.E = {material.E:g} Pa, concrete has about 30e9{meant}")
+    moduli = {"E": material.E}
+    if material.E_sustained is not None:
+        moduli = {"E": material.E_sustained, "E_dynamic": material.E}
+        if material.sustained_ratio > 1.0:
+            remarks.append(
+                f"materials.{name}.E_dynamic = {material.E:g} Pa is below E = {material.E_sustained:g} Pa, "
+                "and concrete and rock creep under loads that last"
+            )
+    for key, modulus in moduli.items():
+        if not _MODULUS[0] <= modulus <= _MODULUS[1]:
+            unit = "GPa" if modulus < 1e3 else "MPa"
+            meant = f"; is `{modulus:g} {unit}` meant?" if modulus < 1e6 else ""
+            remarks.append(f"materials.{name}.{key} = {modulus:g} Pa, concrete has about 30e9{meant}")
     if not _POISSON[0] <= material.nu <= _POISSON[1]:
         remarks.append(f"materials.{name}.nu = {material.nu:g}, concrete has about 0.2, rock 0.2 to 0.3")
     return remarks

@@ -14,6 +14,7 @@ from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Hydrostatic, Joint, Scene
 from romdam.scene.attachments import AttachmentPlaces, build_attachments
+from romdam.scene.blocks import material_of
 from romdam.scene.joint_water.build import with_water
 from romdam.scene.reservoir.build import at_level
 from romdam.scene.ties import scene_parts
@@ -35,10 +36,9 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
     names = block_materials(config)
     blocks = dict[str, Block]()
     for name, block in scene.blocks.items():
-        now, then = config.materials[names[name]], block.material
-        rho = now.rho if then.rho > 0.0 else 0.0  # a block without mass stays so
-        same = (now.E, rho) == (then.E, then.rho)
-        blocks[name] = block if same else replace(block, material=replace(then, E=now.E, rho=rho))
+        now, then = material_of(config.materials[names[name]]), block.material
+        now = now.with_mass(then.rho > 0.0)  # a block without mass stays so
+        blocks[name] = block if now == then else replace(block, material=now)
     reservoir = scene.reservoir
     if reservoir is not None and config.water is not None and reservoir.level != config.water.level:
         foot = min(float(blocks[face.block].points[face.facets, 2].min()) for face in reservoir.faces)
@@ -127,8 +127,13 @@ def part_factors(scene: Scene, varied: Scene, source: str) -> dict[str, tuple[fl
         if all(before == after for before, after in pairs):
             continue
         stiffness = {after.E / before.E for before, after in pairs}
+        lasting = {after.sustained_ratio / before.sustained_ratio for before, after in pairs}
         mass = {after.rho / before.rho for before, after in pairs if before.rho > 0.0} or {1.0}
-        for what, found in (("modulus", stiffness), ("density", mass)):
+        for what, found in (
+            ("modulus", stiffness),
+            ("ratio E / E_dynamic", lasting),
+            ("density", mass),
+        ):
             if max(found) - min(found) > _SAME * max(found):
                 raise ConfigError(
                     f"{source}: suite.parameters: the {what} of part {part.name!r} "

@@ -289,6 +289,7 @@ def static_equilibrium(
     ConvergenceError
         where no equilibrium is found.
     """
+    system = system.under_lasting_loads
     if _rests_unloaded(system):
         return _unloaded(system)
     search = _Search(system, tolerance, {} if steps is None else steps)

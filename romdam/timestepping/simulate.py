@@ -118,6 +118,8 @@ def simulate(
                 warnings = (*history.warnings, *system.uplift.warnings)
                 history = replace(history, stats=stats, uplift=system.uplift, warnings=warnings)
             history = replace(history, warnings=(*history.warnings, *on_path[simulation.prepared]))
+            if system.sustained is not None and system.sustained.rest is not None:
+                history = replace(history, rest=system.sustained.rest)
             if system.built is not None:
                 history = replace(history, built=system.built)
             if every_step:

@@ -33,6 +33,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.core.errors import ConfigError
 from romdam.core.threads import at_once
 from romdam.fem.parts import gather
 from romdam.linalg.condensed import CondensedSingle
@@ -63,6 +64,7 @@ from romdam.reduction.methods.merged_part import (
     free_field_forces,
     ground_inertia,
     merge_blocks,
+    sustained_forces,
 )
 from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.mode_choice import ModeChoice
@@ -91,6 +93,17 @@ class FreeInterface(Reductor):
         """Every part with mass."""
         return not substructure.has_no_mass
 
+    def refuse(self, substructure: Substructure) -> None:
+        """Refuse parts of several ratios of their moduli that nothing but joints holds."""
+        part, scene = substructure.mesh_part, substructure.scene
+        ratios = {scene.blocks[name].material.sustained_ratio for name in part.blocks}
+        if len(ratios) > 1 and not part.stands_free(scene):
+            raise ConfigError(
+                f"materials.<name>.E_dynamic: blocks of part {part.name!r} have ratios E / E_dynamic of "
+                f"{min(ratios):.4g} to {max(ratios):.4g} and joints alone hold them, which no reduced basis "
+                "is made for; give them one ratio, a support, or set model.order: full"
+            )
+
     def key(self, substructure: Substructure, choice: ModeChoice) -> object:
         """Everything in the part, and the number of free modes."""
         return key_content(substructure, _with_more_modes(choice))
@@ -104,11 +117,10 @@ class FreeInterface(Reductor):
         mesh_part, assembly = substructure.mesh_part, substructure.assembly
         choice = _with_more_modes(choice)
         shaken, *heavy = ground_inertia(substructure)
+        lasting = [substructure.operator.T, shaken, substructure.static_forces, *heavy]
         loads = [
-            substructure.operator.T,
-            shaken,
-            substructure.static_forces,
-            *heavy,
+            *lasting,
+            sustained_forces(substructure, lasting, choice.solving),
             boundary_tractions(substructure),
             free_field_forces(substructure),
             gather(mesh_part, substructure.block_loads.carried),

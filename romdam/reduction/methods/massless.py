@@ -25,7 +25,7 @@ import numpy as np
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
 from romdam.linalg.solvers import make_solver
-from romdam.reduction.methods.merged_part import merge_blocks
+from romdam.reduction.methods.merged_part import merge_blocks, sustained_forces
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
 from romdam.reduction.storage.keys import key_content
@@ -71,7 +71,9 @@ class Massless(Reductor):
         """Yield the bases of the part's blocks, of the same coordinates."""
         mesh_part, scene = substructure.mesh_part, substructure.scene
         label = f"part {mesh_part.name}, which has no mass"
-        part = merge_blocks(substructure, [substructure.operator.T, substructure.static_forces], label)
+        loads = [substructure.operator.T, substructure.static_forces]
+        loads.append(sustained_forces(substructure, loads, choice.solving))
+        part = merge_blocks(substructure, loads, label)
         substructure.assembly.release(mesh_part.blocks)
         right = part.right
         solver = make_solver(part.K.whole(), part.motions, right.shape[1], choice.solving, label)

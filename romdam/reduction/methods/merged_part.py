@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csc_matrix, csr_matrix, diags_array, hstack
+from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, hstack
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.effects.added_mass import WetMass
@@ -25,13 +25,14 @@ from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import assemble_part, gather
 from romdam.linalg.modes.rigid import rigid_modes
 from romdam.linalg.multigrid import Motions
-from romdam.linalg.solvers import Solver
+from romdam.linalg.solvers import Solver, Solving, make_solver
 from romdam.linalg.symmetric import Symmetric
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import FREE_SHIFT, Substructure
 from romdam.scene.supports import rigid_motions
 
 _BALANCED = 1e-10  # square of what is left of a load of unit length, below which that is round-off
+_TOGETHER = 256  # loads that are answered at a time
 
 
 @dataclass(frozen=True)
@@ -132,10 +133,7 @@ def merge_blocks(substructure: Substructure, loads: Sequence[csr_matrix | Floats
     K, M = assemble_part(mesh_part, substructure.assembly)
     K, M = csr_matrix(K[free][:, free]), csr_matrix(M[free][:, free])
     held, wet = mesh_part.stands_free(scene), substructure.wet
-    nodes = np.arange(mesh_part.nodes)
-    motions = Motions(
-        np.flatnonzero(free), rigid_motions(mesh_part.mesh(scene.blocks), nodes).reshape(-1, 6)[free]
-    )
+    motions = _motions(substructure)
     rigid = np.zeros((K.shape[0], 0)) if held or not M.diagonal().any() else rigid_modes(K, M, motions.rigid)
     # loads that are not zero, each of unit length, that do more than accelerate the part rigidly
     right = csc_matrix(hstack([csc_matrix(load[free]) for load in loads]))
@@ -164,6 +162,60 @@ def merge_blocks(substructure: Substructure, loads: Sequence[csr_matrix | Floats
         wet=None if wet is None else WetMass(wet.operator[:, free], wet.flexibility),
         label=label,
     )
+
+
+def _motions(substructure: Substructure) -> Motions:
+    """Rigid motions of a part's free DOFs."""
+    mesh_part, free = substructure.mesh_part, substructure.free
+    mesh, nodes = mesh_part.mesh(substructure.scene.blocks), np.arange(mesh_part.nodes)
+    return Motions(np.flatnonzero(free), rigid_motions(mesh, nodes).reshape(-1, 6)[free])
+
+
+def sustained_forces(
+    substructure: Substructure, loads: Sequence[csr_matrix | Floats], solving: Solving
+) -> csr_matrix:
+    """Forces that K answers as the stiffness at rest, K_s, does loads: (3 nodes, l), K K_s^-1 loads.
+
+    Less K_s / r of that, which the loads span, with r the ratio of the sustained modulus to that of the
+    record in most of the part. Inside a block they are a factor times the loads, so that they stand where
+    loads do and where blocks of other ratios meet. Empty where all blocks have one ratio.
+
+    Parameters
+    ----------
+    loads : each (3 nodes, k)
+    """
+    mesh_part, scene, free = substructure.mesh_part, substructure.scene, substructure.free
+    ratios = {name: scene.blocks[name].material.sustained_ratio for name in mesh_part.blocks}
+    size = 3 * mesh_part.nodes
+    if len(set(ratios.values())) < 2:
+        return csr_matrix((size, 0))
+    most = max(ratios, key=lambda name: len(scene.blocks[name].points))
+    K_s, rest = csr_matrix((size, size)), csr_matrix((size, size))
+    met = np.zeros((2, size), dtype=bool)  # DOFs of the ratio of most, and of others
+    for name, ratio in ratios.items():
+        spread = mesh_part.spread(name)
+        stiffness = spread.T @ substructure.assembly.matrices(name)[0] @ spread
+        K_s, rest = K_s + ratio * stiffness, rest + (1.0 - ratio / ratios[most]) * stiffness
+        met[int(ratio != ratios[most])] |= spread.getnnz(axis=0) > 0
+    rest = csr_matrix(rest[free][:, free])
+    # three ratios: blocks of others than most meet each other, too
+    interface = (met[1] if len(set(ratios.values())) > 2 else met[0] & met[1])[free]
+    right = csc_matrix(hstack([csc_matrix(load[free]) for load in loads]))
+    right = right[:, np.flatnonzero(right.getnnz(axis=0))]
+    solver = make_solver(
+        Symmetric(csr_matrix(K_s[free][:, free])),
+        _motions(substructure),
+        right.shape[1],
+        solving,
+        f"part {mesh_part.name} under loads that last",
+    )
+    columns = [csr_matrix((right.shape[0], 0))]
+    for first in range(0, right.shape[1], _TOGETHER):
+        some = right[:, first : first + _TOGETHER].toarray()
+        forces = rest @ solver.solve(some)
+        columns.append(csr_matrix(np.where(interface[:, None] | (some != 0.0), forces, 0.0)))
+    spread_free = csr_matrix(eye_array(size, format="csr")[:, free])
+    return csr_matrix(spread_free @ hstack(columns))
 
 
 def unbalanced(loads: csc_matrix, rigid: Floats, M: csr_matrix) -> Ints:

@@ -8,6 +8,7 @@ there, and the staged displacement is only added where stress is wanted.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -18,7 +19,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.fem.assembly import Assembly, assemble_mass
 from romdam.fem.loads import weight_force
-from romdam.fem.parts import assemble_part, gather
+from romdam.fem.parts import assemble_part, gather, unknowns
 from romdam.fem.sections import initial_section_forces
 from romdam.fem.stress import thermal_stress
 from romdam.linalg.factor import Factor
@@ -73,30 +74,69 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
     return displacement
 
 
-def initial_forces(scene: Scene, basis: Mapping[str, BlockBasis] | None = None) -> dict[str, Floats]:
-    """Forces on sections that the joints' structure does not make: block name -> (sections, 6) [N], [N m]."""
+def _stressing_displacement(
+    scene: Scene, basis: Mapping[str, BlockBasis] | None, rest: Floats | None
+) -> dict[str, Floats]:
+    """Displacement of every block, (n, 3) [m], whose stress by the record's moduli is there beside that of u.
+
+    That of weight that acted before the joints were grouted, and (r - 1) u_s where the sustained modulus is r
+    times that of the record: D_s e(u_s) = D e(u_s) + D e((r - 1) u_s).
+    """
+    ratios = scene.sustained_ratios
+    if not ratios:
+        return staged_displacement(scene, basis)
+    if rest is None:
+        raise ValueError("stress with two moduli needs the displacement at rest, which `prepare` finds")
+    lasting = {
+        name: replace(block, material=block.material.sustained) for name, block in scene.blocks.items()
+    }
+    staged = staged_displacement(replace(scene, blocks=lasting))  # another basis answers it
+    numbered = unknowns(scene).of_block if basis is None else {}
+    for name, ratio in ratios.items():
+        if basis is None:
+            u = numbered[name] @ rest[: numbered[name].shape[1]]
+        else:
+            u = basis[name].vectors.apply(rest[basis[name].columns])
+        staged[name] = ratio * staged[name] + (ratio - 1.0) * u.reshape(-1, 3)
+    return staged
+
+
+def initial_forces(
+    scene: Scene, basis: Mapping[str, BlockBasis] | None = None, rest: Floats | None = None
+) -> dict[str, Floats]:
+    """Forces on sections that the joints' structure does not make: block name -> (sections, 6) [N], [N m].
+
+    Parameters
+    ----------
+    basis, rest : as in `initial_stress`
+    """
     if scene.stress is None or not scene.stress.sections:
         none = {name: np.zeros_like(block.points) for name, block in scene.blocks.items()}
         return initial_section_forces(scene, none)
-    return initial_section_forces(scene, staged_displacement(scene, basis))
+    return initial_section_forces(scene, _stressing_displacement(scene, basis, rest))
 
 
 def initial_stress(
-    scene: Scene, operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis] | None = None
+    scene: Scene,
+    operators: Mapping[str, csr_matrix],
+    basis: Mapping[str, BlockBasis] | None = None,
+    rest: Floats | None = None,
 ) -> dict[str, Floats]:
     """Stress that the joints' structure does not make: block name -> (k, 6) at its stress nodes [Pa].
 
-    That of thermal expansion held back, and of weight that acted before the joints were grouted.
+    That of thermal expansion held back, of weight that acted before the joints were grouted, and what the
+    sustained moduli change of the stress at rest.
 
     Parameters
     ----------
     operators : see `romdam.fem.stress.stress_operators`
     basis : as in `staged_displacement`
+    rest : (n,) displacement of the unknowns at rest, where there are sustained moduli
     """
     stress = thermal_stress(scene)
-    if not scene.staged_weight:
+    if not scene.staged_weight and not scene.sustained_ratios:
         return stress
-    displacement = staged_displacement(scene, basis)
+    displacement = _stressing_displacement(scene, basis, rest)
     return {
         name: offset + (operators[name] @ displacement[name].ravel()).reshape(offset.shape)
         for name, offset in stress.items()

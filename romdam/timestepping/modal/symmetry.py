@@ -86,7 +86,7 @@ def merge_equivalent_contacts(
         follows from these at most, by what they depend on of these; gains the one of this system
     """
     law, known = system.law, {} if known is None else known
-    if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any():
+    if len(law) < 2 or not system.diagonal or law.has_memory or law.K_nz.any() or system.sustained:
         return None
     rigid_n, rigid_s = np.isinf(law.K_n), np.isinf(law.K_s)
     spring_n, spring_s = np.where(rigid_n, 0.0, law.K_n), np.where(rigid_s, 0.0, law.K_s)
