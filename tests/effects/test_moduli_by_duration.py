@@ -207,8 +207,8 @@ def exact():
     [
         (("left", "tail", "right"), {"order": "full"}),
         (("left", "tail", "right"), {"modes": "all"}),
-        (("left", "tail", "right"), {"modes": 20}),
-        (("c", "b", "a"), {"modes": 20}),
+        (("left", "tail", "right"), {"modes": 40}),
+        (("c", "b", "a"), {"modes": 40}),
         (("c", "b", "a"), {"order": "full"}),
     ],
 )
