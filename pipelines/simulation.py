@@ -24,7 +24,6 @@ from romdam.reduction.synthesis import DryModel, ReducedModel
 from romdam.results.stress.file import StressFields
 from romdam.timestepping.construction import constructed
 from romdam.timestepping.contact_resolution import resolution_warnings
-from romdam.timestepping.equilibrium import static_equilibrium
 from romdam.timestepping.grouting import grouted
 from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
@@ -34,6 +33,7 @@ from romdam.timestepping.simulate import history_of, simulate
 from romdam.timestepping.soundness import refuse_active_damping
 from romdam.timestepping.step_control import simulate_to
 from romdam.timestepping.steps import grid_steps
+from romdam.timestepping.sustained import before_rest, rested
 from romdam.timestepping.uplift import with_uplift_at_rest
 
 log = logging.getLogger(__name__)
@@ -75,8 +75,8 @@ def prepare(
 ) -> Prepared:
     """Make a system ready for the configured integrator, or for the one that suits it.
 
-    It goes through the stages of its construction, its joints are grouted, and the uplift in them is that of
-    their cracks at rest.
+    It goes through the stages of its construction, its joints are grouted, the uplift in them is that of
+    their cracks at rest, and with moduli by duration it begins at rest under the sustained ones.
 
     Parameters
     ----------
@@ -88,18 +88,12 @@ def prepare(
     name = integrator or transient.integrator or suitable_integrator(system)
     with placed(job.path):
         refuse_active_damping(system)
-    if system.sustained is not None and system.sustained.rest is not None:  # of other joints
-        system = replace(
-            system.under_lasting_loads, K=system.K, diagonal=system.diagonal,
-            sustained=replace(system.sustained, rest=None),
-        )  # fmt: skip
-    ready = grouted(constructed(system, transient.tolerance), transient.tolerance)
+    ready = grouted(constructed(before_rest(system), transient.tolerance), transient.tolerance)
     if system.initial is not None and system.initial.take == "joints":  # whose cracks the uplift follows
         ready = with_uplift_at_rest(with_joint_state(ready), transient.tolerance)
     else:
         ready = with_joint_state(with_uplift_at_rest(ready, transient.tolerance))
-    if ready.sustained is not None:  # what the record adds has other moduli
-        ready = ready.rested(static_equilibrium(ready, transient.tolerance)[0])
+    ready = rested(ready, transient.tolerance)
     fresh = Prepared(ready, integrator_class(name).configured(transient))
     if like is None:
         return fresh
