@@ -7,6 +7,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import romdam
 from romdam.timestepping.modal import runs
@@ -17,7 +18,7 @@ loops = [0.0]
 compiled = runs.integrate
 
 
-def timed(*arguments):
+def timed(*arguments: Any) -> Any:
     """The compiled time loop, its CPU time added up."""
     start = time.thread_time()
     done = compiled(*arguments)
