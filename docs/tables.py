@@ -39,6 +39,7 @@ SUBJECTS = {  # page of keys -> sections of a job
         "suite",
         "comparison",
         "post_earthquake",
+        "combinations",
     ),
 }
 ROOT = Path(__file__).parents[1]

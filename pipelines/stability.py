@@ -8,6 +8,7 @@ from pathlib import Path
 
 from romdam.config.effects import refuse_unknown_effects
 from romdam.config.load import Job, Source, naming_lines
+from romdam.config.sections.combinations import CombinationConfig
 from romdam.config.sections.post_earthquake import PostEarthquakeConfig
 from romdam.config.variants import changed_job
 from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
@@ -102,7 +103,7 @@ def assess_stability(
         with open_result(path) as opened:
             attrs = opened.dataset.attrs
         record, dt = str(attrs["record"]), float(attrs["record_dt"])
-        at_rest = GroundMotion.from_arrays(f"{record} after", {"x": [0.0] * _SAMPLES}, dt)
+        at_rest = motion_at_rest(f"{record} after", dt)
         state = {"result": str(Path(path).absolute()), "take": "joints"}
         after = job_after(job, asked, {"loads.initial_state": state}, dt, _sample_of(job, attrs, path))
         try:
@@ -125,6 +126,11 @@ def assess_stability(
     written = write_csv(HEAD, stability.rows, stem.with_suffix(".csv"))
     of_forces = write_csv(FORCES_HEAD, forces, stem.with_name(f"{stem.name}-forces.csv"))
     return replace(stability, paths=(written, of_forces))
+
+
+def motion_at_rest(name: str, dt: float = 0.01) -> GroundMotion:
+    """A ground that rests, of the few samples by which a state at rest is judged."""
+    return GroundMotion.from_arrays(name, {"x": [0.0] * _SAMPLES}, dt)
 
 
 def post_earthquake_of(job: Job) -> PostEarthquakeConfig:
@@ -169,28 +175,29 @@ def _sample_of(job: Job, attributes: Mapping[str, object], path: str | Path) -> 
 
 def job_after(
     job: Job,
-    asked: PostEarthquakeConfig,
+    asked: PostEarthquakeConfig | CombinationConfig,
     state: dict[str, object],
     step: float = 0.01,
     sample: Mapping[str, object] | None = None,
+    stands_at: tuple[str, ...] = (_SECTION, "changes"),
 ) -> Job:
     """The job at rest after the earthquake, with few modes: static answers are exact with any number.
 
     Parameters
     ----------
+    state : path -> value of what the dam rests from
     sample : values of a suite's sample, by their paths; those that the job's `changes` name are these
+    stands_at : keys of the file under which the changes stand
 
     Raises
     ------
     ConfigError
         for a change that leads nowhere, or that makes no valid job.
     """
-    left_out = ("comparison", "linear_stage", "pipeline", "study", "suite", _SECTION)
+    left_out = ("combinations", "comparison", "linear_stage", "pipeline", "study", "suite", _SECTION)
     transient = {"finest_step": step, "tolerance": min(job.config.transient.tolerance, _TOLERANCE)}
     changes: dict[str, object] = _AT_REST | {"transient": transient}
     if job.config.model.order == "reduced":
         changes["model"] = {"modes": _MODES}
     changes |= dict(sample or {})
-    return looked_up(
-        changed_job(job, changes | asked.changes | state, (_SECTION, "changes"), left_out=left_out)
-    )
+    return looked_up(changed_job(job, changes | asked.changes | state, stands_at, left_out=left_out))

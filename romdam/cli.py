@@ -19,7 +19,7 @@ from romdam.commands.modes import modes
 from romdam.commands.options import EXIT_CODES, exit_code
 from romdam.commands.runs import check, run
 from romdam.commands.schema import schema
-from romdam.commands.stability import stability, wedges
+from romdam.commands.stability import combinations, stability, wedges
 from romdam.commands.suites import clean, report
 from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import RomdamError
@@ -37,7 +37,7 @@ app = typer.Typer(
 )
 _COMMANDS = (
     init, run, report, clean, check, modes, linear, verify, certify, study, compare, info, show, plot, view,
-    records, stability, wedges, export, benchmarks, cache, schema,
+    records, stability, combinations, wedges, export, benchmarks, cache, schema,
 )  # fmt: skip
 for command in _COMMANDS:
     app.command(epilog=EXIT_CODES)(command)

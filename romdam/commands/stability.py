@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 import romdam
-from romdam.commands.options import FAILED, Config, Quiet, Verbose, named_folder
+from romdam.commands.caches import Cache, NoCache, folder_of_blocks
+from romdam.commands.options import FAILED, Config, Out, Quiet, Verbose, named_folder
 
 
 def stability(
@@ -39,6 +40,32 @@ def stability(
     say(*tables, *(f"written: {path}" for path in assessed.paths))
     complain(*(f"{record}: {message}" for record, message in assessed.failures.items()))
     if not assessed.is_stable:
+        raise typer.Exit(FAILED)
+
+
+def combinations(
+    config: Config,
+    out: Out = Path("results"),
+    cache: Cache = None,
+    no_cache: NoCache = False,
+    quiet: Quiet = False,
+    verbose: Verbose = False,
+) -> None:
+    """Run the load combinations of CONFIG, and state every margin in one table and on one page.
+
+    The exit code is 1 where something that is required is not met, or there is no equilibrium.
+    """
+    from romdam.pipelines.combinations import assess_combinations
+    from romdam.terminal import complain, open_terminal
+    from romdam.terminal.tables import combinations_table
+
+    stages, say = open_terminal(quiet, verbose)
+    blocks = folder_of_blocks(cache, no_cache)
+    assessed = assess_combinations(romdam.load_config(config), out, stages, blocks)
+    rows = [margin.row for margin in assessed.margins]
+    say(combinations_table(rows), *(f"written: {path}" for path in assessed.paths))
+    complain(*(f"{of}: {message}" for of, message in assessed.failures.items()))
+    if not assessed.satisfied:
         raise typer.Exit(FAILED)
 
 

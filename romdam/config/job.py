@@ -13,6 +13,7 @@ from romdam.config.coupling import couplings, refuse_coupled
 from romdam.config.effects import refuse_excluded
 from romdam.config.linear_stage import refuse_linear_stage
 from romdam.config.sections.attachments import PointConfig
+from romdam.config.sections.combinations import refuse_wrong_combinations
 from romdam.config.sections.geometry.cut import refuse_wrong_cuts
 from romdam.config.sections.ground import refuse_wrong_ground
 from romdam.config.sections.job import Sections
@@ -109,6 +110,10 @@ class Config(Sections):
             self._known(f"masses.{name}.block", lumped.block, blocks)
         for joint_name in (self.post_earthquake.joints if self.post_earthquake else None) or ():
             self._known("post_earthquake.joints", joint_name, self.every_joint)
+        refuse_wrong_combinations(self.combinations)
+        for name, combination in self.combinations.items():
+            for joint_name in combination.joints or ():
+                self._known(f"combinations.{name}.joints", joint_name, self.every_joint)
         for name, node in self.outputs.nodes.items():
             self._known(f"outputs.nodes.{name}.block", node.block, blocks)
         self._refuse_floors_without_nodes()

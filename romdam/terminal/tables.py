@@ -96,6 +96,16 @@ def stability_table(rows: Sequence[Sequence[str]]) -> Table:
     return table
 
 
+def combinations_table(rows: Sequence[Sequence[str]]) -> Table:
+    """Every margin of load combinations."""
+    from romdam.postprocess.combinations import HEAD
+
+    table = _table("Load combinations", HEAD[:5], HEAD[5:])
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
 def rest_forces_table(rows: Sequence[Sequence[str]]) -> list[Table]:
     """Forces and moments on the dam and its bodies at rest; none where no rows are."""
     from romdam.postprocess.stability import FORCES_HEAD

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.names import Name
+from romdam.config.names import Name, OfFile
 from romdam.config.patterns import patterns_in
 from romdam.config.quantities import (
     AngularFrequency,
@@ -21,6 +21,7 @@ from romdam.config.quantities import (
     Time,
 )
 from romdam.config.sections.attachments import AnchorConfig, MassConfig
+from romdam.config.sections.combinations import CombinationConfig
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.construction import ConstructionStageConfig
 from romdam.config.sections.floor_spectra import FloorSpectraConfig
@@ -284,6 +285,8 @@ class Sections(Model):
     suite: SuiteConfig | None = None
     comparison: ComparisonConfig | None = None
     post_earthquake: PostEarthquakeConfig | None = None
+    combinations: dict[Annotated[str, OfFile], CombinationConfig] = Field(default_factory=dict)
+    """Load combinations, each with what it requires."""
 
     @property
     def dam(self) -> ArchDamConfig | GravityDamConfig | None:

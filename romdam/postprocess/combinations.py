@@ -1,0 +1,129 @@
+"""Margins of a dam in its load combinations: one row for each thing that is required, with its verdict.
+
+References
+----------
+FERC, Engineering Guidelines, chapter 3 (2016), gravity dams: usual, unusual, extreme and post-earthquake
+combinations with required factors of safety; USACE, EM 1110-2-2100 (2005), Stability Analysis of Concrete
+Structures: the same by the class of the structure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from romdam.postprocess.sliding import sliding
+from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_FOUND, joint_stability
+from romdam.postprocess.stress.faces import HEADLINE
+
+SATISFIED, NOT_SATISFIED = "satisfied", "not satisfied"
+Row = tuple[str, ...]
+HEAD: Row = (
+    "combination", "situation", "record", "of", "criterion", "value", "required", "margin", "verdict",
+)  # fmt: skip
+_FACTOR, _SLIP, _TENSION = "factor of safety", "slip left [mm]", "tension [MPa]"
+
+
+@dataclass(frozen=True)
+class Margin:
+    """One thing that is required in a combination.
+
+    Attributes
+    ----------
+    combination, situation, record : which
+    of : joint, group of joints, or face
+    criterion : what is judged, with its unit
+    value, required : in that unit; NaN where a joint carries no shear
+    margin : value over what is required, or the inverse of what must not be exceeded; satisfied from 1
+    failure : why there is no value; empty where there is one
+    """
+
+    combination: str
+    situation: str
+    record: str
+    of: str
+    criterion: str
+    value: float
+    required: float
+    margin: float
+    failure: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Whether it is satisfied."""
+        return self.failure or (NOT_SATISFIED if self.margin < 1.0 else SATISFIED)
+
+    @property
+    def row(self) -> Row:
+        """Its row under `HEAD`."""
+        numbers = (self.value, self.required, self.margin)
+        texts = (f"{value:.4g}" if np.isfinite(value) else "-" for value in numbers)
+        named = (self.combination, self.situation, self.record, self.of, self.criterion)
+        return (*named, *texts, self.verdict)
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What a combination requires.
+
+    Attributes
+    ----------
+    combination, situation : names
+    factor : least, of safety against sliding; None where it is not judged
+    slip, tension : largest [m], [Pa]; None where they are not judged
+    joints : that are judged; None for all that carry shear
+    """
+
+    combination: str
+    situation: str
+    factor: float | None
+    slip: float | None
+    tension: float | None
+    joints: Collection[str] | None
+
+    def without_value(self, record: str, *, proved: bool) -> Margin:
+        """The margin of a dam that has no equilibrium, or of which none was found."""
+        required, failure = self.factor or np.nan, NO_EQUILIBRIUM if proved else NOT_FOUND
+        named = (self.combination, self.situation, record, "all", _FACTOR)
+        return Margin(*named, np.nan, required, 0.0, failure)
+
+    def at_rest(self, dataset: xr.Dataset, record: str) -> list[Margin]:
+        """Margins in the first state of a result, which is at rest."""
+        margins = list[Margin]()
+        if self.factor is not None:
+            for joint in joint_stability(dataset, record, self.factor, self.joints):
+                margins.append(self._least(record, joint.joint, joint.factor))
+        return [*margins, *self._stress(dataset, record)]
+
+    def shaken(self, dataset: xr.Dataset, record: str) -> list[Margin]:
+        """Margins in an earthquake, over all written rows and of what it leaves."""
+        margins = list[Margin]()
+        judged = [one for one in sliding(dataset) if self.joints is None or one.joint in self.joints]
+        for joint in judged:
+            if self.factor is not None:
+                margins.append(self._least(record, joint.joint, joint.factor))
+            if self.slip is not None:
+                left, most = 1e3 * joint.largest_slip, 1e3 * self.slip
+                margins.append(self._most(record, joint.joint, _SLIP, left, most))
+        return [*margins, *self._stress(dataset, record)]
+
+    def _stress(self, dataset: xr.Dataset, record: str) -> list[Margin]:
+        if self.tension is None:
+            return []
+        stress = dataset.face_principal_stress.sel(area_percentile=HEADLINE)
+        return [
+            self._most(record, str(face), _TENSION, 1e-6 * float(value), 1e-6 * self.tension)
+            for face, value in zip(stress.stress_face.values, stress.values, strict=True)
+        ]
+
+    def _least(self, record: str, of: str, factor: float) -> Margin:
+        assert self.factor is not None
+        margin = np.inf if np.isnan(factor) else factor / self.factor
+        return Margin(self.combination, self.situation, record, of, _FACTOR, factor, self.factor, margin)
+
+    def _most(self, record: str, of: str, criterion: str, value: float, limit: float) -> Margin:
+        margin = limit / value if value > 0.0 else np.inf
+        return Margin(self.combination, self.situation, record, of, criterion, value, limit, margin)

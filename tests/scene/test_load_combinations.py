@@ -1,0 +1,168 @@
+"""`romdam combinations`: a gravity dam in four combinations, its factors by hand."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from test_cli import call
+
+import romdam
+from romdam.core.errors import ConfigError
+from romdam.pipelines.combinations import assess_combinations
+
+G, RHO, WIDTH, BASE, HEIGHT = 9.81, 2400.0, 10.0, 24.0, 30.0
+MU, COHESION = 0.9, 2e5
+WEIGHT = RHO * G * WIDTH * BASE * HEIGHT
+USUAL, FLOOD = 24.0, 26.0
+COMBINATIONS: dict[str, dict[str, Any]] = {
+    "usual": {"required_factor": 2.0},
+    "flood": {"changes": {"loads.hydrostatic.0.level": FLOOD, "loads.joint_water.0.level": FLOOD},
+              "required_factor": 1.5},
+    "earthquake": {"situation": "earthquake", "largest_slip": "50 mm", "tension": "3 MPa"},
+    "after": {"situation": "after", "after": "earthquake", "required_factor": 1.3,
+              "changes": {"joints.base.friction": 0.6, "joints.base.cohesion": 0,
+                          "joints.base.tensile_strength": 0,
+                          "loads.joint_water.0.drains": None}},
+}  # fmt: skip
+
+
+def push(level: float) -> float:
+    """Thrust of the water [N]."""
+    return 0.5 * 1000.0 * G * level**2 * WIDTH
+
+
+def uplift(level: float, drained: bool) -> float:
+    """Linear from the heel to the toe; with drains at 4 m, a third of the head there [N]."""
+    head = 1000.0 * G * level
+    if not drained:
+        return 0.5 * head * BASE * WIDTH
+    return 0.5 * (head + head / 3.0) * 4.0 * WIDTH + 0.5 * head / 3.0 * (BASE - 4.0) * WIDTH
+
+
+def job(**sections: Any) -> dict[str, Any]:
+    def box(z: float, height: float, size: float) -> dict[str, Any]:
+        return {"origin": [0, 0, z], "size": [WIDTH, BASE, height], "element_size": [5, size, 5]}
+
+    return {
+        "title": "A wall of concrete",
+        "materials": {
+            "concrete": {"E": "25 GPa", "nu": 0.2, "rho": RHO},
+            "rock": {"E": "30 GPa", "nu": 0.2, "rho": 2600},
+        },
+        "blocks": {
+            "rock": {"material": "rock", "mass": False, "box": box(-10, 10, 2)},
+            "dam": {"material": "concrete", "box": box(0, HEIGHT, 2)},
+        },
+        "supports": [{"block": "rock", "face": "zmin"}],
+        "joints": {
+            "base": {
+                "between": ["rock", "dam"], "normal_stiffness": "50 GPa/m", "shear_stiffness": "25 GPa/m",
+                "friction": MU, "cohesion": COHESION, "tensile_strength": "0.2 MPa",
+            }
+        },
+        "loads": {
+            "gravity": [0, 0, -G],
+            "hydrostatic": [{"level": USUAL, "faces": [{"block": "dam", "face": "ymin"}]}],
+            "joint_water": [{"joints": ["base"], "level": USUAL, "downstream": [0, 1, 0],
+                             "drains": {"at": "4 m", "rule": "usbr"}}],
+        },
+        "damping": {"rayleigh": {"frequencies": [3, 20], "ratio": 0.05}},
+        "records": [{"file": "shake.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": 6},
+        "transient": {"finest_step": "2.5 ms"},
+        "outputs": {"plots": False, "error_estimate": False, "mesh_error": False,
+                    "stress": {"blocks": ["dam"], "faces": [{"block": "dam", "face": "ymin"}]}},
+        "combinations": COMBINATIONS,
+    } | sections  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("combinations")
+    time = np.arange(200) * 0.01
+    np.savetxt(made / "shake.txt", 2.5 * np.sin(2 * np.pi * 4.0 * time) * np.exp(-2.0 * time))
+    (made / "dam.yaml").write_text(yaml.safe_dump(job(), sort_keys=False))
+    return made
+
+
+def test_factors_of_four_combinations_by_hand(folder: Path):
+    """(mu (W - U) + c A) / H at rest; after the earthquake friction alone, and no drains; within 0.1 %."""
+    assessed = assess_combinations(folder / "dam.yaml", folder / "out")
+    found = {(one.combination, one.of, one.criterion): one for one in assessed.margins}
+    area = WIDTH * BASE
+    by_hand = {
+        "usual": (MU * (WEIGHT - uplift(USUAL, True)) + COHESION * area) / push(USUAL),
+        "flood": (MU * (WEIGHT - uplift(FLOOD, True)) + COHESION * area) / push(FLOOD),
+        "after": 0.6 * (WEIGHT - uplift(USUAL, False)) / push(USUAL),
+    }
+    for name, factor in by_hand.items():
+        margin = found[name, "base", "factor of safety"]
+        assert margin.value == pytest.approx(factor, rel=1e-3), name
+        required = COMBINATIONS[name]["required_factor"]
+        assert margin.margin == pytest.approx(factor / required, rel=1e-3)
+        assert margin.verdict == ("satisfied" if factor >= required else "not satisfied")
+    assert [one.combination for one in assessed.margins] == sorted(
+        (one.combination for one in assessed.margins), key=list(COMBINATIONS).index
+    )
+    shaken = romdam.open_result(folder / "out" / "earthquake" / "shake.nc").dataset
+    stress = found["earthquake", "dam.ymin", "tension [MPa]"]
+    assert stress.value == pytest.approx(
+        1e-6 * float(shaken.face_principal_stress.sel(area_percentile=98.0)[0]), rel=1e-9
+    )
+    assert stress.margin == pytest.approx(3.0 / stress.value) if stress.value > 0 else stress.margin == np.inf
+    slip = found["earthquake", "base", "slip left [mm]"]
+    assert slip.required == 50.0 and 0.0 <= slip.value < 50.0 and slip.verdict == "satisfied"
+    table = list(csv.reader((folder / "out" / "dam-combinations.csv").open()))
+    assert len(table) == 1 + len(assessed.margins) and table[1][:4] == [
+        "usual",
+        "rest",
+        "static loads",
+        "base",
+    ]
+    page = (folder / "out" / "dam-combinations.html").read_text()
+    assert all(name in page for name in COMBINATIONS) and "joints.base.friction" in page
+
+
+def test_the_command_ends_with_1_where_a_margin_is_not_met(folder: Path):
+    (folder / "strict.yaml").write_text(
+        yaml.safe_dump(job(combinations={"usual": {"required_factor": 9.0}, "low": {"required_factor": 1.0}}))
+    )
+    code, said = call("combinations", folder / "strict.yaml", "--out", folder / "strict")[:2]
+    assert code == 1 and "not satisfied" in said and "written:" in said
+    (folder / "low.yaml").write_text(yaml.safe_dump(job(combinations={"low": {"required_factor": 1.0}})))
+    assert call("combinations", folder / "low.yaml", "--out", folder / "low")[0] == 0
+
+
+def test_a_dam_without_equilibrium_is_a_verdict(folder: Path):
+    loose = {"joints.base.friction": 0.05, "joints.base.cohesion": 0, "joints.base.tensile_strength": 0}
+    raw = job(combinations={"weak": {"changes": loose, "required_factor": 1.0}})
+    assessed = assess_combinations(raw, folder / "weak")
+    assert [one.verdict for one in assessed.margins] == ["no equilibrium"] and not assessed.satisfied
+    assert "weak, static loads" in assessed.failures
+
+
+@pytest.mark.parametrize(
+    ("combinations", "message"),
+    [
+        ({"a": {}}, r"combinations.a.*requires nothing"),
+        ({"a": {"situation": "after", "required_factor": 1}}, r"combinations.a.*`after` names"),
+        ({"a": {"situation": "after", "after": "b", "required_factor": 1}, "b": {"required_factor": 1}},
+         r"combinations.a.after: 'b' is no combination of situation: earthquake; there is none"),
+        ({"a": {"largest_slip": 0.1}}, r"`largest_slip` is of what an earthquake leaves"),
+        ({"a": {"required_factor": 1, "joints": ["bse"]}}, r"combinations.a.joints.*'bse'.*'base'"),
+        ({"a": {"required_factor": 1, "changes": {"loads.hydrostatic.4.level": 3}}},
+         r"combinations.a.changes.loads.hydrostatic.4.level.*leads nowhere"),
+        ({"a": {"required_factor": 1, "changes": {"joints.base.frction": 0.3}}}, r"frction.*friction"),
+        ({"a": {"tension": "1 MPa", "changes": {"outputs.stress": None}}},
+         r"combinations.a.tension is of the faces of outputs.stress"),
+        ({}, r"combinations is missing; name them"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_refused_before_anything_runs(folder: Path, combinations, message):
+    out = folder / "never"
+    with pytest.raises(ConfigError, match=message):
+        assess_combinations(job(combinations=combinations), out)
+    assert not out.exists()
