@@ -23,7 +23,7 @@ class CombinationConfig(Model):
     """
 
     situation: Literal["rest", "earthquake", "after"] = "rest"
-    """At rest under the static loads, in the earthquakes of `records`, or at rest after them."""
+    """Static loads at rest, the earthquakes of `records`, or rest after them."""
     after: str | None = None
     """Combination of the earthquake after which it is; that of the situation `after`."""
     changes: dict[str, Any] = Field(default_factory=dict)
