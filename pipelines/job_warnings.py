@@ -14,6 +14,7 @@ from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
+from romdam.results.case import moduli_statement
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.steps import grid_steps, holds_samples
 
@@ -65,6 +66,8 @@ def log_scene_warnings(scene: Scene, job: Job) -> Job:
     job = with_scene_warnings(scene, job)
     for line in with_lines(job, job.scene_warnings):
         log.warning("%s", line)
+    if moduli := moduli_statement(scene):
+        log.info("%s: %s", job.path, moduli)
     return job
 
 

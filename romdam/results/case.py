@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from romdam.config.job import Config
 from romdam.core.arrays import Floats
+from romdam.core.errors import listed
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Joint, Scene, StressSites
 from romdam.core.system import History
@@ -247,3 +248,17 @@ class Variable:
         """Its attributes in a file."""
         units: Attributes = {"units": self.units} if self.units else {}
         return {"long_name": self.long_name, **self.attributes, **units}
+
+
+def moduli_statement(scene: Scene) -> str:
+    """Say which modulus each block has for what; empty where all have one."""
+    blocks = dict[tuple[float, float], list[str]]()
+    for name, block in scene.blocks.items():
+        material = block.material
+        if material.E_sustained is not None:
+            blocks.setdefault((material.E_sustained, material.E), []).append(name)
+    return "; ".join(
+        f"{listed(names)}: E = {sustained / 1e9:.4g} GPa at rest (weight, water, temperature, grouting), "
+        f"E_dynamic = {dynamic / 1e9:.4g} GPa of what the record adds, of modes and damping"
+        for (sustained, dynamic), names in blocks.items()
+    )

@@ -18,18 +18,17 @@ import xarray as xr
 
 from romdam.config.load import Job
 from romdam.config.plausible import check_assumptions
-from romdam.core.errors import ResultError, listed
+from romdam.core.errors import ResultError
 from romdam.core.final_state import FinalState
 from romdam.core.fingerprint import code_digest
 from romdam.core.motion import AXES, GroundMotion
-from romdam.core.scene import Scene
 from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.core.version import SOURCE
 from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
-from romdam.results.case import rock_blocks, upstream_of
+from romdam.results.case import moduli_statement, rock_blocks, upstream_of
 from romdam.results.case_warnings import case_warnings
 from romdam.results.checking import check_run
 from romdam.results.final_state import write_final_state
@@ -123,20 +122,6 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     if statement := stress_statement(dataset, peak_shares(case) if of_faces(case) else {}):
         dataset.attrs["stress_statement"] = statement
     return dataset
-
-
-def moduli_statement(scene: Scene) -> str:
-    """Say which modulus each block has for what; empty where all have one."""
-    blocks = dict[tuple[float, float], list[str]]()
-    for name, block in scene.blocks.items():
-        material = block.material
-        if material.E_sustained is not None:
-            blocks.setdefault((material.E_sustained, material.E), []).append(name)
-    return "; ".join(
-        f"{listed(names)}: E = {sustained / 1e9:.4g} GPa at rest (weight, water, temperature, grouting), "
-        f"E_dynamic = {dynamic / 1e9:.4g} GPa of what the record adds, of modes and damping"
-        for (sustained, dynamic), names in blocks.items()
-    )
 
 
 def run_identity(attrs: Mapping[Any, Any]) -> str:

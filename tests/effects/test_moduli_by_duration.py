@@ -6,6 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import romdam
+from romdam.config import parse_config
+from romdam.config.effects import refuse_unknown_effects
+from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 
 G, RHO, DT = 9.81, 2400.0, 0.005
@@ -222,3 +225,74 @@ def test_gap_that_warmth_closes_is_shaken_as_by_scipy(exact, names, model):
     for name in ("opening", "end", "force", "left", "tail", "right"):
         size = np.abs(exact[name]).max()
         assert np.abs(found[name] - exact[name]).max() < 5e-3 * size, name
+
+
+@pytest.mark.parametrize("element", ["hex20", "tet10"])
+def test_merged_blocks_of_unlike_ratios_reduced_and_at_full_order(element):
+    """With friction, shear and a lateral load: jumps, forces and stress of 40 modes and of the mesh; 0.5 %."""
+    found = []
+    for model in ({"modes": 60}, {"order": "full"}):
+        raw = bars(element, **model)
+        for material in raw["materials"].values():
+            material["nu"] = 0.2
+        raw["joints"]["gap"] |= {"friction": 0.6, "shear_stiffness": 8e9}
+        raw["loads"] |= {"gravity": [0, 0.4 * G, -G]}
+        raw["transient"] = {"finest_step": 1e-4}
+        motion = GroundMotion.from_arrays("p", {"x": 0.4 * SHAKEN[:31], "z": 0.2 * SHAKEN[5:36]}, DT)
+        found.append(romdam.run(raw, motions=motion).results[0].dataset)
+    reduced, full = found
+    for name in ("opening", "normal_force", "displacement", "start_principal_stress", "section_force"):
+        a, b = reduced[name].values, full[name].values
+        assert np.abs(a[0] - b[0]).max() < 1e-6 * np.abs(b).max(), name
+        assert np.abs(a - b).max() < 5e-3 * np.abs(b).max(), name
+    assert (full["opening"].values > 1e-4).any()
+
+
+@pytest.mark.parametrize("ratio", [1.0, 0.6])
+def test_equal_moduli_are_one_modulus_and_others_change_what_the_record_adds(ratio):
+    """E_dynamic equal to E changes nothing by a bit; 5/3 of E adds other openings to the same rest."""
+    raw, own = column(modes=8), column(modes=8)
+    del own["materials"]["concrete"]["E_dynamic"]
+    raw["materials"]["concrete"]["E_dynamic"] = E / ratio
+    two, one = (run(job, pulse(8.0)) for job in (raw, own))
+    same = np.array_equal(two.displacement.values, one.displacement.values)
+    assert same == (ratio == 1.0) and ("moduli" in two.attrs) == (ratio != 1.0) and "moduli" not in one.attrs
+    np.testing.assert_allclose(two.displacement.values[0], one.displacement.values[0], rtol=1e-9, atol=1e-15)
+    for name in ("start_principal_stress", "normal_force"):
+        first, other = (
+            data[name].values if "time" not in data[name].dims else data[name].values[0]
+            for data in (two, one)
+        )
+        np.testing.assert_allclose(first, other, rtol=1e-7, atol=1e-7 * np.abs(other).max())
+    np.testing.assert_allclose(two.section_force.values[0], one.section_force.values[0], rtol=1e-6, atol=1.0)
+
+
+def refused(raw, match, **sections):
+    with pytest.raises(ConfigError, match=match):
+        parse_config(raw | sections, "job.yaml")
+
+
+def test_what_has_no_two_moduli_is_refused_by_the_key():
+    """A start without rest, stages, a certificate, decks: with the key and the remedy."""
+    raw = column() | {"records": [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"z": 1}}]}
+    for state in ("undeformed", {"result": "before.nc"}):
+        refused(
+            raw,
+            r"E_dynamic: E is the modulus of the state at rest.*set static",
+            loads={"initial_state": state},
+        )
+    refused(
+        raw, r"E_dynamic: concrete hardens while stages", construction=[{"name": "all", "pour": ["column"]}]
+    )
+    config = parse_config(raw, "job.yaml")
+    for computation in ("deck", "matrices", "rest", "certificate"):
+        with pytest.raises(ConfigError, match=r"materials.<name>.E_dynamic: moduli by duration is not"):
+            refuse_unknown_effects(config, computation, "job.yaml")
+
+
+def test_merged_blocks_that_joints_alone_hold_need_one_ratio():
+    raw = bars(modes=8)
+    raw["supports"] = raw["supports"][1:]
+    raw["loads"] = {}
+    with pytest.raises(ConfigError, match=r"E / E_dynamic of 0.4 to 0.6 and joints alone hold them"):
+        run(raw, SHAKEN, "x")

@@ -261,7 +261,28 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 
 @pytest.mark.parametrize("path", RUNS)
 def test_a_suite_has_the_numbers_of_the_job_with_the_value(tmp_path, path):
-    value, sections = RUNS[path]
+    compare_with_the_job(tmp_path, path, *RUNS[path])
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("materials.concrete.E_dynamic", "45 GPa"),
+        ("materials.concrete.E", "22 GPa"),
+        ("materials.concrete.E", "40 GPa"),  # one modulus in this sample
+        ("joints.gap.normal_stiffness", "5 GPa/m"),  # another state at rest
+    ],
+)
+def test_a_suite_with_moduli_by_duration_has_the_numbers_of_the_job_with_the_value(tmp_path, path, value):
+    two = {"materials": {"concrete": CONCRETE | {"E_dynamic": "40 GPa"}}}
+    stress = {"stress": {"blocks": ["left"], "sections": {"low": {"blocks": ["left"], "point": [2, -2, 8]}}}}
+    compare_with_the_job(
+        tmp_path, path, value, two | {"outputs": BASE["outputs"] | {"mesh_error": False} | stress}
+    )
+
+
+def compare_with_the_job(tmp_path, path, value, sections):
+    """Assert that a suite with one value has the numbers of the job that the value is written in."""
     law: dict[str, Any] = {"friction": 0.05}
     if path.startswith(("joints", "damping", "materials")):  # a law of a file takes 0.7 s more to compile
         (tmp_path / "rough.py").write_text(LAW)

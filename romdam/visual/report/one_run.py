@@ -165,9 +165,13 @@ def dam_section(subject: RunSubject) -> PageSection:
     rho, density = subject.column("kg m-3", [material.rho for material in materials])
     nu = [material.nu for material in materials]
     rows: list[list[Value]] = [list(row) for row in zip(config.materials, E, nu, rho, strict=True)]
-    parts.append(
-        PageTable(["material", f"E [{stress}]", "Poisson's ratio", f"density [{density}]"], rows, "Materials")
-    )
+    head = ["material", f"E [{stress}]", "Poisson's ratio", f"density [{density}]"]
+    if any(material.E_dynamic is not None for material in materials):
+        dynamic, unit = subject.column("Pa", [one.E_dynamic or one.E for one in materials])
+        rows = [[*row, value] for row, value in zip(rows, dynamic, strict=True)]
+        head[1] = f"E at rest [{stress}]"
+        head.append(f"E of the record [{unit}]")
+    parts.append(PageTable(head, rows, "Materials"))
     if "joint" in dataset:
         parts.append(_joints_table(subject))
     sample: list[list[Value]] = [
