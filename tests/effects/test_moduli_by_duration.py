@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from test_combinations import job
 
 import romdam
 from romdam.config import parse_config
@@ -229,7 +230,7 @@ def test_gap_that_warmth_closes_is_shaken_as_by_scipy(exact, names, model):
 
 @pytest.mark.parametrize("element", ["hex20", "tet10"])
 def test_merged_blocks_of_unlike_ratios_reduced_and_at_full_order(element):
-    """With friction, shear and a lateral load: jumps, forces and stress of 40 modes and of the mesh; 0.5 %."""
+    """With friction, shear and a lateral load: jumps, forces and stress reduced and of the mesh; 0.5 %."""
     found = []
     for model in ({"modes": 60}, {"order": "full"}):
         raw = bars(element, **model)
@@ -237,7 +238,7 @@ def test_merged_blocks_of_unlike_ratios_reduced_and_at_full_order(element):
             material["nu"] = 0.2
         raw["joints"]["gap"] |= {"friction": 0.6, "shear_stiffness": 8e9}
         raw["loads"] |= {"gravity": [0, 0.4 * G, -G]}
-        raw["transient"] = {"finest_step": 1e-4}
+        raw["transient"] = {"finest_step": 2e-4}
         motion = GroundMotion.from_arrays("p", {"x": 0.4 * SHAKEN[:31], "z": 0.2 * SHAKEN[5:36]}, DT)
         found.append(romdam.run(raw, motions=motion).results[0].dataset)
     reduced, full = found
@@ -257,13 +258,13 @@ def test_equal_moduli_are_one_modulus_and_others_change_what_the_record_adds(rat
     two, one = (run(job, pulse(8.0)) for job in (raw, own))
     same = np.array_equal(two.displacement.values, one.displacement.values)
     assert same == (ratio == 1.0) and ("moduli" in two.attrs) == (ratio != 1.0) and "moduli" not in one.attrs
-    np.testing.assert_allclose(two.displacement.values[0], one.displacement.values[0], rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(two.displacement.values[0], one.displacement.values[0], atol=1e-10)
     for name in ("start_principal_stress", "normal_force"):
         first, other = (
             data[name].values if "time" not in data[name].dims else data[name].values[0]
             for data in (two, one)
         )
-        np.testing.assert_allclose(first, other, rtol=1e-7, atol=1e-7 * np.abs(other).max())
+        np.testing.assert_allclose(first, other, rtol=1e-7, atol=1e-2)
     np.testing.assert_allclose(two.section_force.values[0], one.section_force.values[0], rtol=1e-6, atol=1.0)
 
 
@@ -296,3 +297,57 @@ def test_merged_blocks_that_joints_alone_hold_need_one_ratio():
     raw["loads"] = {}
     with pytest.raises(ConfigError, match=r"E / E_dynamic of 0.4 to 0.6 and joints alone hold them"):
         run(raw, SHAKEN, "x")
+
+
+def dam(two, *effects, **joint):
+    """A block tied to rock by a mortar, one beside it, and effects of `test_combinations`."""
+    raw = job(*effects)
+    raw["joints"]["joint"] |= joint
+    raw["outputs"] |= {
+        "stress": {
+            "blocks": ["left", "rock"],
+            "sections": {"low": {"blocks": ["left"], "point": [2, 2, 3]}},
+        },
+        "error_estimate": False, "mesh_error": False, "plots": False,
+    }  # fmt: skip
+    for name, (e, d) in {"concrete": (3e9, 4.5e9), "rock": (2e9, 2.4e9)}.items():
+        raw["materials"][name] |= {"both": {"E": e, "E_dynamic": d}, "rest": {"E": e}, "record": {"E": d}}[
+            two
+        ]
+    return {key: value for key, value in raw.items() if key != "records"}
+
+
+def shaken(raw):
+    """Along all axes."""
+    acc = pulse(4.0, 0.4)
+    motion = GroundMotion.from_arrays("p", {"x": acc, "y": 1.5 * acc[::-1], "z": 0.5 * acc}, DT)
+    return romdam.run(raw, motions=motion).results[0].dataset
+
+
+HISTORIES = ("opening", "normal_force", "displacement", "section_force", "section_moment")
+
+
+@pytest.mark.parametrize("effects", [("grouting", "temperature"), ("water in joints",), ("staged weight",)])
+@pytest.mark.parametrize("model", [{"modes": "all"}, {"modes": 12}, {"order": "full"}])
+def test_state_at_rest_is_that_of_a_job_with_the_sustained_moduli_alone(effects, model):
+    """Jumps, forces, displacement, stress and sections of tied blocks of unlike ratios, with friction."""
+    both, rest = (shaken(dam(two, *effects) | {"model": model}) for two in ("both", "rest"))
+    for name in (*HISTORIES, "start_principal_stress"):
+        got, want = both[name].values, rest[name].values
+        got, want = (a if name.startswith("start") else a[0] for a in (got, want))
+        least = 1.0 if name.startswith(("section", "start")) else 0.0  # [N], [N m], [Pa]: round-off
+        assert np.abs(got - want).max() <= 2e-6 * np.abs(want).max() + least, name
+
+
+@pytest.mark.parametrize("effects", [("temperature",), ("staged weight",), ("Westergaard's added mass",)])
+@pytest.mark.parametrize("model", [{"modes": "all"}, {"order": "full"}])
+def test_in_an_elastic_scene_both_states_superpose(effects, model):
+    """What the record adds is what it adds in a job with the dynamic moduli alone; stress too."""
+    elastic = {"tension_stiffness": "2 GPa/m", "friction": 0.0}
+    both, rest, record = (
+        shaken(dam(two, *effects, **elastic) | {"model": model}) for two in ("both", "rest", "record")
+    )
+    for name in HISTORIES:
+        got, want = both[name].values, rest[name].values[:1] + record[name].values - record[name].values[:1]
+        assert np.abs(want - want[:1]).max() > 1e-2 * np.abs(want).max()
+        assert np.abs(got - want).max() <= 1e-6 * np.abs(want).max(), name
