@@ -161,6 +161,7 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
         scene = scene_of(job)
         job = log_scene_warnings(scene, job)
         refuse_many(job, scene, len(motions) * scales * sample_count)
+        _refuse_kept_stress(job, scene, samples)
         if samples.structural:
             samples = replace(samples, also=extreme_scenes(job, samples, columns))
     with clock.stage("samples", Counted(len(samples.values), "samples")) as progress:
@@ -247,6 +248,17 @@ def built_samples(job: Job, scene: Scene, samples: Samples, progress: Progress) 
         contents.append(sample_content(sample_scene, varied))
         progress(number + 1, count)
     return replace(samples, contents=tuple(contents)), basis or scene
+
+
+def _refuse_kept_stress(job: Job, scene: Scene, samples: Samples) -> None:
+    """Refuse kept results whose stress file is of the state at rest of another sample."""
+    suite = _suite(job)
+    if samples.places and suite.keep != "peaks" and scene.stress is not None and scene.sustained_ratios:
+        raise ConfigError(
+            f"{job.path}: suite.keep: with materials.<name>.E_dynamic the stress of kept results goes with "
+            f"one state at rest, and {', '.join(samples.places)} may change it; set keep: peaks, or leave "
+            "outputs.stress out"
+        )
 
 
 def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) -> tuple[Scene, ...]:

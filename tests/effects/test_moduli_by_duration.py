@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import yaml
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from test_combinations import job
@@ -11,6 +12,8 @@ from romdam.config import parse_config
 from romdam.config.effects import refuse_unknown_effects
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
+from romdam.pipelines.linear import linear
+from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
 G, RHO, DT = 9.81, 2400.0, 0.005
 E, E_D = 20e9, 32e9
@@ -238,8 +241,8 @@ def test_merged_blocks_of_unlike_ratios_reduced_and_at_full_order(element):
             material["nu"] = 0.2
         raw["joints"]["gap"] |= {"friction": 0.6, "shear_stiffness": 8e9}
         raw["loads"] |= {"gravity": [0, 0.4 * G, -G]}
-        raw["transient"] = {"finest_step": 2e-4}
-        motion = GroundMotion.from_arrays("p", {"x": 0.4 * SHAKEN[:31], "z": 0.2 * SHAKEN[5:36]}, DT)
+        raw["transient"] = {"finest_step": 1e-4}
+        motion = GroundMotion.from_arrays("p", {"x": 0.4 * SHAKEN[:25], "z": 0.2 * SHAKEN[5:30]}, DT)
         found.append(romdam.run(raw, motions=motion).results[0].dataset)
     reduced, full = found
     for name in ("opening", "normal_force", "displacement", "start_principal_stress", "section_force"):
@@ -351,3 +354,46 @@ def test_in_an_elastic_scene_both_states_superpose(effects, model):
         got, want = both[name].values, rest[name].values[:1] + record[name].values - record[name].values[:1]
         assert np.abs(want - want[:1]).max() > 1e-2 * np.abs(want).max()
         assert np.abs(got - want).max() <= 1e-6 * np.abs(want).max(), name
+
+
+def test_linear_stage_has_the_static_state_of_one_modulus_and_the_modes_of_the_other(tmp_path):
+    """Joints tied, blocks of unlike ratios: displacement and stress at rest, frequencies, and peaks."""
+    np.savetxt(tmp_path / "r.txt", pulse(3.0, 0.4))
+    found = {}
+    for two in ("both", "rest", "record"):
+        raw = dam(two, "temperature") | {"model": {"modes": 12}, "linear_stage": {"cutoff": 60.0}}
+        raw["records"] = [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"y": 1}}]
+        path = tmp_path / f"{two}.yaml"
+        path.write_text(yaml.safe_dump(raw))
+        found[two] = linear(path, tmp_path / two).stages["r"].spectrum
+    both, rest, record = found.values()
+    for name in ("static_displacement", "static_stress", "static_traction", "static_normal_force"):
+        size = np.abs(rest[name].values).max()
+        assert np.abs(both[name].values - rest[name].values).max() <= 2e-6 * size, name
+    for name in ("frequency", "peak_displacement", "peak_stress"):
+        size = np.abs(record[name].values).max()
+        assert np.abs(both[name].values - record[name].values).max() <= 1e-6 * size, name
+
+
+def test_kept_results_of_a_suite_with_another_rest_are_refused(tmp_path):
+    np.savetxt(tmp_path / "r.txt", pulse(3.0, 0.4))
+    raw = dam("both") | {"model": {"modes": 12}, "pipeline": "suite"}
+    raw["records"] = [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"y": 1}}]
+    mu = {"mu": {"path": "joints.joint.friction", "values": [0.2, 0.6]}}
+    raw["suite"] = {"parameters": mu, "keep": "full"}
+    path = tmp_path / "suite.yaml"
+    path.write_text(yaml.safe_dump(raw))
+    with pytest.raises(ConfigError, match=r"suite.keep: with materials.<name>.E_dynamic .* mu may change it"):
+        run_suite(romdam.load_config(path), tmp_path / "out", SuiteOptions(workers=1))
+
+
+def test_a_suite_does_not_change_the_ratio_of_one_of_two_merged_blocks(tmp_path):
+    """The basis answers what lasts with the ratios that it was made for."""
+    np.savetxt(tmp_path / "r.txt", 0.1 * SHAKEN)
+    raw = bars(modes=12) | {"pipeline": "suite"}
+    raw["records"] = [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"x": 1}}]
+    raw["suite"] = {"parameters": {"e": {"path": "materials.m_tail.E", "values": [9e9, 12e9]}}}
+    path = tmp_path / "suite.yaml"
+    path.write_text(yaml.safe_dump(raw))
+    with pytest.raises(ConfigError, match=r"the ratio E / E_dynamic of part .* does not change as a whole"):
+        run_suite(romdam.load_config(path), tmp_path / "out", SuiteOptions(workers=1))
