@@ -21,8 +21,8 @@ _LONGEST = 60  # characters of a key in a message
 _KEY = re.compile(r"([A-Za-z_]\w*(?:\.[^\s.:\[\]=]+|\[\d+\])*)(?=:|$| =| must| is| has)")  # begins a message
 _OTHERWISE = {  # what keys are called elsewhere
     "density": "rho", "poisson": "nu", "poissons_ratio": "nu", "young": "E", "youngs_modulus": "E",
-    "modulus": "E", "mu": "friction", "kn": "normal_stiffness", "ks": "shear_stiffness", "step": "dt",
-    "time_step": "finest_step", "reservoir": "water", "ground_motion": "records", "dam": "gravity_dam",
+    "modulus": "E", "dynamic_modulus": "E_dynamic", "mu": "friction", "kn": "normal_stiffness",
+    "ks": "shear_stiffness", "step": "dt", "time_step": "finest_step", "reservoir": "water", "ground_motion": "records", "dam": "gravity_dam",
 }  # fmt: skip
 _LIMITS = {  # words, and the bound in the context
     "greater_than": ("must be greater than", "gt"),
@@ -47,6 +47,7 @@ _REMEDIES = {
     "rho": "concrete has about 2400 kg/m3; a block without mass has `mass: false`, one without weight "
     "`weight: false`",
     "E": "concrete has about 30 GPa",
+    "E_dynamic": "concrete has about 35 GPa; leave it out where the record meets E",
     "finest_step": "a step of 1 to 5 ms suits most dams",
     "friction": "concrete joints have about 0.6",
     "ratio": "structural damping is commonly 0.02 to 0.1 (2 % to 10 %)",

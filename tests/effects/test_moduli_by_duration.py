@@ -195,6 +195,13 @@ def bar_history(times):
     } | normal
 
 
+def run_finely(raw, acc):
+    """The same motion along x in short base steps."""
+    return run(
+        raw, np.interp(np.arange(20 * (len(acc) - 1) + 1) / 20, np.arange(len(acc)), acc), "x", DT / 20
+    )
+
+
 def of_result(data):
     sections = {str(name): data.section_force.sel(section=name).values[:, 0] for name in data.section.values}
     return {
@@ -221,8 +228,7 @@ def exact():
 )
 def test_gap_that_warmth_closes_is_shaken_as_by_scipy(exact, names, model):
     """Merged blocks of unlike ratios and a third beyond the gap: rest, jumps, force, normal forces; 0.5 %."""
-    fine = np.interp(np.arange(20 * (len(SHAKEN) - 1) + 1) / 20, np.arange(len(SHAKEN)), SHAKEN)
-    data = run(bars(names=names, **model), fine, "x", DT / 20)  # in short base steps
+    data = run_finely(bars(names=names, **model), SHAKEN)
     found = of_result(data)
     assert found["force"][0] == pytest.approx(exact["rest"], rel=1e-4) and exact["rest"] > 1e5
     assert (exact["opening"] > 1e-4).any() and (exact["opening"][20:] < 0).any()
@@ -250,6 +256,29 @@ def test_merged_blocks_of_unlike_ratios_reduced_and_at_full_order(element):
         assert np.abs(a[0] - b[0]).max() < 1e-6 * np.abs(b).max(), name
         assert np.abs(a - b).max() < 5e-3 * np.abs(b).max(), name
     assert (full["opening"].values > 1e-4).any()
+
+
+def test_rock_without_mass_of_unlike_ratios_rests_and_yields_as_the_mesh_does():
+    """Its reduced form is exact: two merged blocks without mass against the mesh, and at rest one modulus."""
+    made = {}
+    for case, model in (
+        ("reduced", {"modes": "all"}),
+        ("full", {"order": "full"}),
+        ("rest", {"modes": "all"}),
+    ):
+        raw = bars(**model)
+        raw["transient"] = {"finest_step": 1e-4}
+        for name in ("left", "tail"):
+            raw["blocks"][name]["mass"] = False
+        if case == "rest":
+            for material in raw["materials"].values():
+                del material["E_dynamic"]
+        made[case] = of_result(run_finely(raw, 2.0 * SHAKEN[:31]))
+    for name, full in made["full"].items():
+        size = np.abs(full).max()
+        assert abs(made["reduced"][name][0] - made["rest"][name][0]) < 1e-7 * size, name
+        assert np.abs(made["reduced"][name] - full).max() < 5e-3 * size, name
+    assert (made["full"]["opening"] > 1e-4).any()
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.6])
@@ -389,7 +418,7 @@ def test_kept_results_of_a_suite_with_another_rest_are_refused(tmp_path):
 
 def test_a_suite_does_not_change_the_ratio_of_one_of_two_merged_blocks(tmp_path):
     """The basis answers what lasts with the ratios that it was made for."""
-    np.savetxt(tmp_path / "r.txt", 0.1 * SHAKEN)
+    np.savetxt(tmp_path / "r.txt", 0.01 * SHAKEN)
     raw = bars(modes=12) | {"pipeline": "suite"}
     raw["records"] = [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"x": 1}}]
     raw["suite"] = {"parameters": {"e": {"path": "materials.m_tail.E", "values": [9e9, 12e9]}}}

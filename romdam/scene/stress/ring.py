@@ -143,7 +143,11 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
     _, inverse, counts = np.unique(keys, return_inverse=True, return_counts=True)
     covered = np.split(counts[inverse] > 1, np.cumsum([len(at) for at in corners])[:-1])
 
-    stiffness = list(dict.fromkeys((block.material.E, block.material.nu) for block in blocks.values()))
+    elastic = {
+        name: (block.material.E, block.material.sustained.E, block.material.nu)
+        for name, block in blocks.items()
+    }
+    stiffness = list(dict.fromkeys(elastic.values()))
     edges, normals, middles, depths, materials = [], [], [], [], []
     for k, (name, block) in enumerate(blocks.items()):
         held = np.asarray(fixed[name].all(axis=1))[corners[k]].all(axis=1)
@@ -160,7 +164,7 @@ def _outline(blocks: Mapping[str, Block], links: list[Joint | Tie], fixed: Mappi
             normals.append(np.repeat(normal, sides, axis=0))
             middles.append(np.repeat(block.points[ring].mean(axis=1), sides, axis=0))
             depths.append((area * (2.0 if sides == 3 else 1.0) / length).ravel())
-            material = stiffness.index((block.material.E, block.material.nu))
+            material = stiffness.index(elastic[name])
             materials.append(np.full(len(edges[-1]), material))
     merged = np.zeros((int(numbers.max()) + 1, 3))
     merged[numbers] = points
