@@ -35,7 +35,7 @@ def result_of(folder, joints, model, seed, nodes=True):
     for name, more in joints.items():
         raw["joints"][name] |= more
     raw["model"] |= model
-    for block in raw["blocks"].values():  # so that the finer model is not the mesh itself
+    for block in raw["blocks"].values() if nodes else ():  # so that the finer model is not the mesh itself
         block["box"]["element_size"] = 2.5
     raw["outputs"] |= {"plots": False} | ({} if nodes else {"nodes": {}})
     np.savetxt(folder / "pulse.txt", shaking(seed))

@@ -76,7 +76,7 @@ def test_a_spacing_far_below_the_distance_of_the_nodes_is_refused(make, spacing)
 
 
 def test_memory_of_gaps_apart_is_estimated_before_it_is_taken(make, monkeypatch):
-    """The face has 41 x 121 nodes."""
+    """The face has 33 x 97 nodes."""
     asked = []
     whole = coarsen_gaps
 
@@ -92,15 +92,15 @@ def test_memory_of_gaps_apart_is_estimated_before_it_is_taken(make, monkeypatch)
     keys = {"spacing": 0.2}
     raw = floating_pair(**keys)
     for block in raw["blocks"].values():
-        block["box"]["element_size"] = [0.1, 2.0, 0.1]
+        block["box"]["element_size"] = [0.125, 2.0, 0.125]
     monkeypatch.setattr(joints, "coarsen_gaps", traced)
     make(raw)
     ((peak, gaps),) = asked
     assert gaps > 1000
-    estimate = 8.0 * patches._DENSE * 41 * 121 * gaps
+    estimate = 8.0 * patches._DENSE * 33 * 97 * gaps
     assert 0.8 < peak / estimate < 1.2
     monkeypatch.setattr(patches, "memory_limit", lambda limit: 0.9 * estimate)
-    with pytest.raises(ConfigError, match=rf"joints.c.spacing: {gaps} gaps for 4961 nodes take .* GB"):
+    with pytest.raises(ConfigError, match=rf"joints.c.spacing: {gaps} gaps for 3201 nodes take .* GB"):
         make(raw)
 
 

@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 from cf_files import flaws
 from summaries import lognormal_curves, suite_page, summary_of
+from test_cli import call
 from typer.testing import CliRunner
 
 from romdam.cli import app
@@ -270,14 +271,9 @@ def test_a_summary_is_told_from_the_result_of_a_record(command, tmp_path):
 
 
 def test_folder_without_a_summary_is_one_message_and_exit_code_2(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-c", "from romdam.cli import main; main()", "report", str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr.count("\n") == 1 and f"{tmp_path}: holds no summary.nc" in done.stderr
+    code, stdout, stderr = call("report", tmp_path)
+    assert code == 2 and stdout == ""
+    assert stderr.count("\n") == 1 and f"{tmp_path}: holds no summary.nc" in stderr
     assert list(tmp_path.iterdir()) == []
 
 
