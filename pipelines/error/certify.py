@@ -1,4 +1,14 @@
-"""The reduction error of a result, from its own joint forces and the full-order linear model."""
+"""The certificate: what leaving out modes has changed in a result, from its own joint forces.
+
+Only the joints are nonlinear. With the joint forces of a run held as known loads the model is linear, and the
+motion of the unreduced mesh under them can be computed without solving for contact. Its difference from that
+of the reduced model is the defect. A finer reduced model is then integrated with contact, and with the defect
+added to its jumps; the difference between its openings and the run's is the error that is stated. This may be
+repeated with the corrected joint forces.
+
+The command reads a result, rebuilds its scene from the configuration, and does this for the whole record, or
+for windows of it, from which bounds for the whole record follow.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Variants of one job, each run by itself, side by side: one Dataset, its tables, figures and page."""
+"""Compare variants of one job: run each by itself, and show them side by side.
+
+A variant replaces some keys of the configuration. Each variant is run like any other job, into a folder of
+its own; one that fails is reported and the others go on, unless it is the variant that all are compared with.
+What they have in common is collected in one dataset, with tables, figures and a page.
+"""
 
 from __future__ import annotations
 

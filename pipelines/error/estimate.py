@@ -1,4 +1,11 @@
-"""The estimates of its error that every reduced run makes of itself: the order of the stages."""
+"""The estimates of error that every reduced run makes of itself.
+
+Two things are estimated: what leaving out modes has changed, and what the size of the steps has changed. For
+the modes the part of the run around its largest opening is computed again with a finer reduced model, which
+is built together with the run's own. For the steps the run is computed again with other steps. This module
+decides whether an estimate can be made, with which models and steps, and executes both;
+`romdam.error.estimate` computes the differences.
+"""
 
 from __future__ import annotations
 

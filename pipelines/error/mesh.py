@@ -1,4 +1,9 @@
-"""The error of the mesh: a job on its own mesh and on a sibling, in one go, on the same record."""
+"""The error of the mesh by `romdam verify --mesh`: a job is run on its own mesh and on a sibling of it.
+
+A sibling has elements of half or of twice the size. Both runs take the same record and the same steps, so
+that their difference is due to the mesh alone. The error follows from the difference and an order of
+convergence.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""A job on a sibling of its mesh, and what a run on that says of the mesh's error."""
+"""Siblings of a mesh: the models that a run is repeated on, to state the error of its mesh.
+
+A run is judged by one or more other models of the same job: elements of twice the size, all at once or in one
+more direction at a time; a second coarser mesh, which shows the order of convergence; elements of half the
+size, where there is no coarser mesh and the scene is small; and a gap at every node, where the job has fewer
+contact points. `find_sibling` builds them, or gives the reason why there are none. `Sibling.state` runs them
+and states the error.
+"""
 
 from __future__ import annotations
 

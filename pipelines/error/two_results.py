@@ -1,4 +1,8 @@
-"""Two results compared: `romdam compare A B`."""
+"""Compare two results that are there already: `romdam compare A B`.
+
+Nothing is run. The histories of both files are read and brought to common times and places, and their
+differences are written as a table and a figure.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The reduced model against the unreduced one: both run, in one go, on the same record."""
+"""The verification: the reduced model and the unreduced mesh are run on the same record and compared.
+
+Nothing of this is an estimate. Because the unreduced run is expensive, it covers the strongest ten seconds of
+the record unless a duration is given, and its cost is announced before it begins. A third history, from a
+file, may be compared with both.
+"""
 
 from __future__ import annotations
 
