@@ -9,15 +9,19 @@ from pathlib import Path
 
 from romdam.config.load import Job, Source, located, naming_lines
 from romdam.config.other_mesh import with_spacing
-from romdam.core.errors import RecordError, RomdamError, placed
+from romdam.core.errors import Faults, RecordError, RomdamError, placed
+from romdam.core.motion import GroundMotion
+from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
+from romdam.fem.balance import load_resultants
 from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes, with_vectors
 from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
+from romdam.pipelines.error.sibling import Sibling
 from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.job_warnings import job_warnings, with_scene_warnings
 from romdam.pipelines.jobs import load_config
@@ -35,6 +39,7 @@ from romdam.pipelines.run import (
 from romdam.pipelines.simulation import RunModel, refuse_large, settings_for
 from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.stability import job_after
+from romdam.pipelines.suites.mesh_error import runs_stated
 from romdam.pipelines.suites.plan import Plan, make_plan
 from romdam.pipelines.suites.sizes import results_bytes, summary_bytes
 from romdam.pipelines.summary import refuse_summary
@@ -78,6 +83,8 @@ class CheckedJob:
     supports : name of each motion that supports have besides the base's -> plain numbers (where a station is
         [m], delay [s], factor, record)
     bodies : where the blocks are that `mesh.bodies` makes, in words
+    loads : kind of load at rest -> components of its resultant on all blocks (x, y, z) [N]
+    quick : whether nothing was reduced: `unknowns` are those of the mesh, and memory and file_size NaN
     """
 
     blocks: dict[str, dict[str, object]]
@@ -94,6 +101,8 @@ class CheckedJob:
     skipped: tuple[str, ...]
     supports: dict[str, dict[str, object]] = field(default_factory=dict)
     bodies: tuple[str, ...] = ()
+    loads: dict[str, dict[str, float]] = field(default_factory=dict)
+    quick: bool = False
 
     @property
     def seconds(self) -> float:
@@ -103,13 +112,14 @@ class CheckedJob:
 
 @one_thread()
 @naming_lines
-def check(job: Source, show: Stage = silent, cache: Path | None = None) -> CheckedJob:
+def check(job: Source, show: Stage = silent, cache: Path | None = None, *, quick: bool = False) -> CheckedJob:
     """Validate a job as far as can be without integrating it.
 
     Parameters
     ----------
     job : as `romdam.load_config` takes one
     cache : folder of reduced blocks, as of `romdam.run`, which then finds them
+    quick : reduce nothing: keys, records, meshes, joints and loads are checked, and no time is estimated
 
     Raises
     ------
@@ -123,12 +133,12 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
     if job.config.post_earthquake is not None:
         job_after(job, job.config.post_earthquake, {"loads.initial_state": "static"})
     if job.config.pipeline != "comparison":
-        return _check(job, clock, open_store(cache))
+        return _check(job, clock, open_store(cache), quick=quick)
     asked, variants = comparable_variants(job)
     checks, failed = dict[str, CheckedJob](), list[str]()
     for name, variant in variants.items():
         try:
-            checks[name] = _check(variant, clock, open_store(cache))
+            checks[name] = _check(variant, clock, open_store(cache), quick=quick)
         except RomdamError as error:
             if name == asked.against:
                 raise
@@ -155,7 +165,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None) -> Check
 
 
 @naming_lines
-def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
+def _check(job: Job, clock: Clock, store: BlockStore | None, *, quick: bool) -> CheckedJob:
     """A job with one model."""
     asked, plan, sibling = job, None, None
     if job.config.transient.total_accuracy is not None:
@@ -166,25 +176,21 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
     job = with_spacing(job, None)
     if job.config.pipeline == "suite":
         refuse_summary(job, None)
-        plan = make_plan(job, clock, most=_SAMPLES)
+        plan = make_plan(job, clock, most=1 if quick else _SAMPLES)
         if failed := [f"{record.name}: {record.message}" for record in plan.records if record.message]:
             raise RecordError("\n".join(failed))
-        job, motions = plan.job, list(plan.motions.values())
+        job, scene, motions = plan.job, plan.scene, list(plan.motions.values())
+        if quick:
+            return _described(job, scene, motions)
         with clock.stage("model", "reducing the blocks"), placed(job.path):
             model = reduced_model(job, plan.scene, store, estimated=True, also=plan.samples.also)
+        if plan.mesh_statement is None:
+            sibling = build_sibling(job, scene, clock, store)
     else:
-        with clock.stage("records", "reading records"):
-            try:
-                motions = load_motions(job.config.records, job.folder)
-            except RecordError as error:
-                raise RecordError(located(job, error)) from None
-        summarised = len(motions) > 1
-        if summarised:
-            refuse_summary(job, None)
-        usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
-        with clock.stage("scene", "building the scene"):
-            scene = scene_of(job)
+        scene, motions = _scene_and_motions(job, clock)
         job = with_scene_warnings(scene, job)
+        if quick:
+            return _described(job, scene, motions)
         if job.config.linear_stage is not None:
             of_linear = check_linear_stage(job, scene, motions, clock, store)
             job = replace(job, scene_warnings=tuple(dict.fromkeys((*job.scene_warnings, *of_linear))))
@@ -204,7 +210,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
             initial_state(model.prepared, settings)
     runs = len(motions) if plan is None else plan.count
     each = max(1, runs // len(motions))
-    total, system, scene = sum(steps.values()) * each, model.system, model.scene
+    total, system = sum(steps.values()) * each, model.system
     if model.reduced is None:
         closed: tuple[float, ...] = ()
         costs = {"integration": total * full_order_seconds(system)}
@@ -212,7 +218,8 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
     else:
         closed = tuple(closed_frequencies(system, _CLOSED).tolist())
         with clock.stage("cost", "running short parts for their time"):
-            costs = run_costs(job, model, motions, each, sibling)
+            stated = None if plan is None else len(runs_stated(plan)) if isinstance(sibling, Sibling) else 0
+            costs = run_costs(job, model, motions, each, sibling, stated)
         coordinates = system.size
         basis = sum(block.vectors.nbytes for block in model.reduced.basis.values())
     # bytes of a written row: jump, force and state of every gap, three motions, coordinates
@@ -231,8 +238,67 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
         if store is None:  # else a run finds the reduced blocks
             costs["reduction"] = clock.cpu["model"] + clock.cpu.get("mesh_model", 0.0)
         costs = {name: costs.get(name, 0.0) for name in COSTS}
+    described = _described(job, model.scene, motions, steps)
+    return replace(
+        described,
+        blocks={name: _block(numbers, model, name) for name, numbers in described.blocks.items()},
+        unknowns=system.size,
+        costs=costs,
+        memory=memory,
+        file_size=file_size,
+        closed_frequencies=closed,
+        solvers=tuple(filter(None, _solvers(job, model))),
+        skipped=tuple(_skipped(asked, model, plan, bool(closed), bool(costs))),
+        quick=False,
+    )
+
+
+def _scene_and_motions(job: Job, clock: Clock) -> tuple[Scene, list[GroundMotion]]:
+    """The scene and the records of a job; what is wrong with either is told together.
+
+    Raises
+    ------
+    RomdamError
+    """
+    faults, motions = Faults(), list[GroundMotion]()
+    with clock.stage("records", "reading records"), faults.gathered():
+        try:
+            motions = load_motions(job.config.records, job.folder)
+        except RecordError as error:
+            raise RecordError(located(job, error)) from None
+    summarised = len(motions) > 1
+    if motions:
+        with faults.gathered():
+            usable_motions(job, {motion.name: motion for motion in motions}, summarised=summarised)
+    if summarised:
+        with faults.gathered():
+            refuse_summary(job, None)
+    with clock.stage("scene", "building the scene"), faults.gathered():
+        scene = scene_of(job)
+    faults.raise_together()
+    return scene, motions
+
+
+def _described(
+    job: Job, scene: Scene, motions: list[GroundMotion], steps: dict[str, int] | None = None
+) -> CheckedJob:
+    """What is known of a job once its scene is built and its records are read.
+
+    Parameters
+    ----------
+    steps : record -> steps of its run; None where nothing is reduced
+    """
+    blocks: dict[str, dict[str, object]] = {
+        name: {
+            "element": block.element,
+            "nodes": len(block.points),
+            "cells": len(block.cells),
+            "free_dofs": int((~scene.fixed[name]).sum()),
+        }
+        for name, block in scene.blocks.items()
+    }
     return CheckedJob(
-        blocks={name: _block(model, name) for name in scene.blocks},
+        blocks=blocks,
         joints={
             name: {
                 "between": " - ".join(joint.blocks),
@@ -248,17 +314,17 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
                 "dt": m.dt,
                 "duration": m.duration,
                 "peak_acceleration": m.peak,
-                "steps": steps[m.name],
+                "steps": None if steps is None else steps[m.name],
                 "sequence": sequence_text(members_of(m)) or "-",
             }
             for m in motions
         },
-        unknowns=system.size,
-        costs=costs,
-        memory=memory,
-        file_size=file_size,
+        unknowns=sum(int((~fixed).sum()) for fixed in scene.fixed.values()),
+        costs={},
+        memory=math.nan,
+        file_size=math.nan,
         warnings=job_warnings(job, motions),
-        closed_frequencies=closed,
+        closed_frequencies=(),
         ties={
             tie.name: {
                 "between": " - ".join(tie.blocks),
@@ -268,8 +334,8 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
             }
             for tie in scene.ties
         },
-        solvers=tuple(filter(None, _solvers(job, model))),
-        skipped=tuple(_skipped(asked, model, plan, bool(closed), bool(costs))),
+        solvers=(),
+        skipped=("the reduced model, its state at rest, its time and its memory: leave out --quick",),
         supports={
             motion.name: {
                 "station": motion.station,
@@ -280,6 +346,11 @@ def _check(job: Job, clock: Clock, store: BlockStore | None) -> CheckedJob:
             for motion in (() if scene.moving is None else scene.moving.motions)
         },
         bodies=tuple(extents_of_bodies(job.config, scene.blocks)),
+        loads={
+            kind: dict(zip("xyz", map(float, force), strict=True))
+            for kind, force in load_resultants(scene).items()
+        },
+        quick=True,
     )
 
 
@@ -336,14 +407,8 @@ def _solvers(job: Job, model: RunModel) -> Iterator[str]:
         yield without_factors(unknowns, choice.columns, choice.solving, f"part {name}")
 
 
-def _block(model: RunModel, name: str) -> dict[str, object]:
-    block = model.scene.blocks[name]
-    numbers: dict[str, object] = {
-        "element": block.element,
-        "nodes": len(block.points),
-        "cells": len(block.cells),
-        "free_dofs": int((~model.scene.fixed[name]).sum()),
-    }
+def _block(numbers: dict[str, object], model: RunModel, name: str) -> dict[str, object]:
+    """The numbers of a block, and those of its reduction."""
     report = model.reduced.report.get(name) if model.reduced else None
     return numbers | (dict(report) if isinstance(report, dict) else {})
 

@@ -46,6 +46,7 @@ def run_costs(
     motions: Sequence[GroundMotion],
     runs: int = 1,
     sibling: Sibling | NoSibling | None = None,
+    stated: int | None = None,
 ) -> dict[str, float]:
     """CPU seconds of all runs that grow with their length, of `COSTS`; empty where a part fails.
 
@@ -55,6 +56,7 @@ def run_costs(
     ----------
     runs : of each record
     sibling : states the error of the mesh in every run, None where that is not stated
+    stated : runs that are made on both meshes for that statement instead, before all others
     """
     strongest = max(motions, key=lambda motion: motion.peak)
     whole = run_seconds(job, strongest)
@@ -79,7 +81,10 @@ def run_costs(
         )
         return {}
     every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
+    on_both = costs["mesh"] + costs["integration"]
     costs = {name: every * seconds for name, seconds in costs.items()}
+    if stated is not None:
+        costs["mesh"] = stated * on_both
     costs["stress"] += fields
     return costs
 

@@ -13,9 +13,17 @@ from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.plan import Plan
-from romdam.pipelines.suites.tasks import scaled
+from romdam.pipelines.suites.tasks import Run, scaled
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.case import Case
+
+
+def runs_stated(plan: Plan) -> list[Run]:
+    """The runs that the error of the mesh is stated of: the strongest record at its scales' ends, rising."""
+    strongest = max(plan.runs, key=lambda run: run.factor * plan.motions[run.record].peak)
+    of_record = [run for run in plan.runs if run.record == strongest.record]
+    weakest = min(of_record, key=lambda run: run.factor)
+    return [strongest] if weakest.factor == strongest.factor else [weakest, strongest]
 
 
 def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStatement | None:
@@ -37,15 +45,12 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
         return None
     if isinstance(sibling, NoSibling):
         return unknown_mesh_error(sibling.why)
-    strongest = max(plan.runs, key=lambda run: run.factor * plan.motions[run.record].peak)
-    of_record = [run for run in plan.runs if run.record == strongest.record]
-    weakest = min(of_record, key=lambda run: run.factor)
+    stated_runs = runs_stated(plan)
+    strongest = stated_runs[-1]
     model = with_stress(build_model(with_compared_stress(plan.job), clock, store))
     statements = {}
     try:
-        for run in (weakest, strongest):
-            if run.factor in statements:
-                continue
+        for run in stated_runs:
             motion = scaled(plan.motions[run.record], run)
             duration = plan.job.config.transient.duration
             with clock.stage("mesh", f"stating the error of the mesh, {motion.name}") as progress:

@@ -20,7 +20,7 @@ from romdam.config.parameters import VariedKey, vary
 from romdam.config.sections.suite import MOST_RUNS, KeepConfig, SuiteConfig
 from romdam.core.arrays import Floats
 from romdam.core.counted import Counted
-from romdam.core.errors import ConfigError, RecordError
+from romdam.core.errors import ConfigError, Faults, RecordError
 from romdam.core.fingerprint import code_digest, fingerprint
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -134,14 +134,19 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
         outputs = outputs.model_copy(update={"output_interval": suite.keep.output_interval})
     implied = {"pipeline": "suite", "suite": suite, "outputs": outputs}
     job = replace(job, config=config.model_copy(update=implied))
-    with clock.stage("design", "reading the samples"):
+    faults = Faults()
+    with clock.stage("design", "reading the samples"), faults.gathered():
         places = varied_keys(job, suite)
         design = design_dataset(job, suite, places)
         if suite.hazard is not None:
             suite_hazard(suite.hazard, job.folder, str(job.path))
-    with clock.stage("records", "reading records"):
+    with clock.stage("records", "reading records"), faults.gathered():
         considered: list[Loaded] = []
         records = read_records(job, considered.append)
+    if faults.errors:  # what is wrong with the scene is told too
+        with faults.gathered():
+            scene_of(job)
+    faults.raise_together()
     scales, sample_count = scale_count(suite), design.sizes["sample"]
     count = len(records) * scales * sample_count
     if count > MOST_RUNS:

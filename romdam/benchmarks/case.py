@@ -91,24 +91,26 @@ class Row:
     note: str
 
 
-def select_cases(cases: Sequence[BenchmarkCase], pattern: str = "*") -> tuple[BenchmarkCase, ...]:
-    """The cases whose names a pattern with * and ? matches.
+def select_cases(cases: Sequence[BenchmarkCase], *patterns: str) -> tuple[BenchmarkCase, ...]:
+    """The cases whose names any of some patterns with * and ? matches; all without a pattern.
 
     Raises
     ------
     ConfigError
-        naming the cases that are near, or all, where none matches.
+        for a pattern that none matches, naming the cases that are near, or all.
     """
-    chosen = tuple(case for case in cases if fnmatchcase(case.name, pattern))
-    if not chosen:
-        names = [case.name for case in cases]
+    names = [case.name for case in cases]
+    for pattern in patterns:
+        if any(fnmatchcase(name, pattern) for name in names):
+            continue
         near = difflib.get_close_matches(pattern.replace("*", ""), names, n=3)
         near = near or [name for name in names if pattern.replace("*", "") in name]
         raise ConfigError(
             f"--only: none of {len(names)} cases is named {quote(pattern)}; "
             + (f"near it are {', '.join(near)}" if near else f"there are {', '.join(names)}")
         )
-    return chosen
+    chosen = patterns or ("*",)
+    return tuple(case for case in cases if any(fnmatchcase(case.name, pattern) for pattern in chosen))
 
 
 @one_thread()

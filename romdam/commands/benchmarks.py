@@ -17,9 +17,12 @@ def benchmarks(
         typer.Option("--out", "-o", metavar="FILE", help="Write the table as .csv, .json or .md too."),
     ] = None,
     only: Annotated[
-        str,
-        typer.Option(metavar="PATTERN", help="Only the cases whose names match it; * and ? stand for any."),
-    ] = "*",
+        list[str] | None,
+        typer.Option(
+            metavar="PATTERN",
+            help="Only the cases whose names match it; * and ? stand for any. Give it again for more cases.",
+        ),
+    ] = None,
     listing: Annotated[
         bool, typer.Option("--list", help="List the cases and their sources; compute nothing.")
     ] = False,
@@ -39,7 +42,7 @@ def benchmarks(
     stages, say = open_terminal(quiet, verbose)
     if out is not None:
         refuse_format(out)
-    cases = select_cases(CASES, only)
+    cases = select_cases(CASES, *(only or ()))
     if listing:
         say(cases_table(cases))
         return

@@ -104,6 +104,9 @@ def check(
     config: Config,
     cache: Cache = None,
     no_cache: NoCache = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Reduce nothing: keys, records, meshes, joints and loads alone.")
+    ] = False,
     as_json: Json = False,
     quiet: Quiet = False,
     verbose: Verbose = False,
@@ -119,7 +122,7 @@ def check(
     from romdam.terminal.tables import check_tables
 
     stages, say = open_terminal(quiet, verbose, as_json)
-    checked = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache))
+    checked = check_job(romdam.load_config(config), stages, folder_of_blocks(cache, no_cache), quick=quick)
     if as_json:
         print_document("check", check_document(checked, config))
         return

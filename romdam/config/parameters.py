@@ -23,7 +23,7 @@ from romdam.config.sections.joints import JointProperties
 from romdam.contact.laws import LAWS
 from romdam.contact.laws.catalogue import law_order
 from romdam.contact.laws.law import Law, Parameter
-from romdam.core.errors import ConfigError, listed, quote
+from romdam.core.errors import ConfigError, Faults, listed, quote
 
 Section = TypeVar("Section", bound=Model)
 
@@ -326,12 +326,21 @@ def refuse_unvaried(config: Config, source: str) -> None:
     ConfigError
         as `find_varied_key` and `si_value` do.
     """
+    faults = Faults()
     for name, parameter in ({} if config.suite is None else config.suite.parameters).items():
-        key = find_varied_key(config, parameter.paths, name, source)
-        every = (*(parameter.values or ()), parameter.low, parameter.high, parameter.mean, parameter.median)
-        for value in every:
-            if value is not None:
-                si_value(key, value, name, source)
+        with faults.gathered():
+            key = find_varied_key(config, parameter.paths, name, source)
+            every = (
+                *(parameter.values or ()),
+                parameter.low,
+                parameter.high,
+                parameter.mean,
+                parameter.median,
+            )
+            for value in every:
+                if value is not None:
+                    si_value(key, value, name, source)
+    faults.raise_together()
 
 
 def _why_not(config: Config, path: str, section: str | None) -> str:

@@ -1,4 +1,4 @@
-"""Patterns of block names, such as `dam.*`: where they may stand, and what then stands there."""
+"""Patterns of names of blocks and joints, such as `dam.*`: where they may stand, and what they stand for."""
 
 from __future__ import annotations
 
@@ -31,15 +31,21 @@ _NAMES: tuple[Path, ...] = (
     ("outputs", "stress", "blocks"),
     ("outputs", "stress", "sections", EVERY, "blocks"),
 )
+# names of joints
+_JOINTS: tuple[Path, ...] = (
+    ("loads", "joint_water", EVERY, "joints"),
+    ("construction", EVERY, "grout", EVERY, "joints"),
+    ("post_earthquake", "joints"),
+)
 
 
 def is_pattern(name: str) -> bool:
-    """Tell whether a name stands for all blocks that are like it; no block's name holds these characters."""
+    """Tell whether a name stands for all that are like it; no block's or joint's name holds these letters."""
     return "*" in name or "?" in name
 
 
 def patterns_in(config: object) -> tuple[str, ...]:
-    """Keys of a configuration at which a pattern of blocks stands."""
+    """Keys of a configuration at which a pattern of blocks or joints stands."""
     entries = (
         f"{where}[{k}].block"
         for path in _ENTRIES
@@ -49,7 +55,7 @@ def patterns_in(config: object) -> tuple[str, ...]:
     )
     names = (
         f"{where}[{k}]"
-        for path in _NAMES
+        for path in (*_NAMES, *_JOINTS)
         for where, names in _lists(config, path)
         for k, name in enumerate(names)
         if is_pattern(name)
@@ -57,46 +63,51 @@ def patterns_in(config: object) -> tuple[str, ...]:
     return (*entries, *names)
 
 
-def with_matching_blocks(raw: dict[str, Any], blocks: Sequence[str], take: Take, source: str) -> None:
-    """Put the blocks that are like each pattern in its place, in a mapping of a configuration.
+def with_matching_names(
+    raw: dict[str, Any], blocks: Sequence[str], joints: Sequence[str], take: Take, source: str
+) -> None:
+    """Put the blocks and joints that are like each pattern in its place, in a mapping of a configuration.
 
-    The first block takes the place of the pattern, and the others follow behind the list, so that numbers of
-    entries stay those of the file.
+    Of entries with a face the first block takes the place of the pattern, and the others follow behind the
+    list, so that numbers of entries stay those of the file.
 
     Parameters
     ----------
-    blocks : names of all
+    blocks, joints : names of all
     take : of a block's name and an entry with a face, the entry of that block; None without such a face
     source : of the configuration, for messages
 
     Raises
     ------
     ConfigError
-        for a pattern that no block is like.
+        for a pattern that no block, or no joint, is like.
     """
     for path in _ENTRIES:
         for where, entries in _lists(raw, path):
             for k, entry in enumerate(list(entries)):
                 if not is_pattern(entry["block"]):
                     continue
-                alike = _alike(entry["block"], blocks, f"{source}: {where}[{k}].block")
+                alike = _alike(entry["block"], "block", blocks, f"{source}: {where}[{k}].block")
                 taken = [each for name in alike if (each := take(name, entry)) is not None]
                 entries[k], *others = taken or [entry | {"block": alike[0]}]
                 entries += others
-    for path in _NAMES:
-        for where, names in _lists(raw, path):
-            wanted = [
-                alike
-                for k, name in enumerate(names)
-                for alike in (_alike(name, blocks, f"{source}: {where}[{k}]") if is_pattern(name) else [name])
-            ]
-            names[:] = dict.fromkeys(wanted)
+    for paths, kind, every in ((_NAMES, "block", blocks), (_JOINTS, "joint", joints)):
+        for path in paths:
+            for where, names in _lists(raw, path):
+                wanted = [
+                    alike
+                    for k, name in enumerate(names)
+                    for alike in (
+                        _alike(name, kind, every, f"{source}: {where}[{k}]") if is_pattern(name) else [name]
+                    )
+                ]
+                names[:] = dict.fromkeys(wanted)
 
 
-def _alike(pattern: str, blocks: Sequence[str], key: str) -> list[str]:
-    alike = [name for name in blocks if fnmatch.fnmatchcase(name, pattern)]
+def _alike(pattern: str, kind: str, every: Sequence[str], key: str) -> list[str]:
+    alike = [name for name in every if fnmatch.fnmatchcase(name, pattern)]
     if not alike:
-        raise ConfigError(f"{key}: no block is like {quote(pattern)}; blocks are {listed(blocks)}")
+        raise ConfigError(f"{key}: no {kind} is like {quote(pattern)}; {kind}s are {listed(every)}")
     return alike
 
 

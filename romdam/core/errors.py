@@ -89,6 +89,36 @@ def placed(path: Path) -> Iterator[None]:
         raise type(error)(f"{path}: {error}") from error
 
 
+class Faults:
+    """Errors of parts that do not need each other, raised together once all are known."""
+
+    def __init__(self) -> None:
+        self.errors = list[RomdamError]()
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Keep an error that the body raises."""
+        try:
+            yield
+        except RomdamError as error:
+            self.errors.append(error)
+
+    def raise_together(self) -> None:
+        """Raise what was kept, a line each; nothing where there is nothing.
+
+        Raises
+        ------
+        RomdamError
+            the lone error itself; of several one of their kind, or a ConfigError where kinds differ.
+        """
+        if len(self.errors) == 1:
+            raise self.errors[0]
+        if self.errors:
+            kinds = {type(error) for error in self.errors}
+            kind = kinds.pop() if len(kinds) == 1 else ConfigError
+            raise kind("\n".join(dict.fromkeys(str(error) for error in self.errors)))
+
+
 def listed(names: Collection[str], most: int = 20) -> str:
     """Names as messages list them, not all of many; "none" where there is none."""
     some = [name[:_SHOWN] for name in sorted(names)[:most]]

@@ -15,6 +15,7 @@ import numpy as np
 from romdam.core.arrays import Floats
 from romdam.core.attachment import of_all, stacked_rows
 from romdam.core.errors import ConvergenceError
+from romdam.core.round_off import without_round_off
 from romdam.core.scene import Scene
 from romdam.core.system import RestBalance
 from romdam.fem.assembly import assemble_mass
@@ -77,6 +78,23 @@ def balance_at_rest(
         names.append(body.name)
         about.append(middle)
     return RestBalance(tuple(names), np.array(about), loads, joints, supports, left)
+
+
+def load_resultants(scene: Scene) -> dict[str, Floats]:
+    """Kind of load -> (3,) resultant of what acts on all blocks at rest [N].
+
+    The water in joints acts on both sides of them, and has none.
+    """
+    kinds = dict[str, Floats]()
+    for name, block in scene.blocks.items():
+        forces = surface_forces(scene, name, thermal=False)
+        if scene.gravity.any() and weight_acts(scene, name):
+            weight = weight_force(scene, name, assemble_mass(block)).reshape(-1, 3)
+            forces["weight"] = weight + forces.get("weight", 0.0)
+        for kind, force in forces.items():
+            kinds[kind] = kinds.get(kind, np.zeros(3)) + force.sum(axis=0)
+    largest = max((float(np.abs(force).max()) for force in kinds.values()), default=0.0)
+    return {kind: without_round_off(force, largest) for kind, force in kinds.items()}
 
 
 def refuse_unbalanced(balance: RestBalance) -> None:

@@ -10,11 +10,12 @@ import numpy as np
 
 from romdam.config.job import Config
 from romdam.config.sections.loads import InitialStateConfig
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, Faults
 from romdam.core.scene import (
     Block,
     FacePressure,
     Hydrostatic,
+    Joint,
     PointForce,
     Probe,
     Scene,
@@ -74,10 +75,13 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
 
     supported = {name: np.zeros((len(block.points), 3), dtype=bool) for name, block in blocks.items()}
     supported |= dam.held
+    faults = Faults()
     for k, support in enumerate(config.supports):
-        facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
-        for axis in support.fix:
-            supported[support.block][np.unique(facets), "xyz".index(axis)] = True
+        with faults.gathered():
+            facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
+            for axis in support.fix:
+                supported[support.block][np.unique(facets), "xyz".index(axis)] = True
+    pressures, forces, probes, still = _on_faces_and_nodes(config, blocks, source, faults)
     fixed = held_by(blocks, supported)
 
     _refuse_joined_twice(config, source)
@@ -86,10 +90,11 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     named_ties = [build_tie(name, tie, blocks, f"{source}: ties.{name}") for name, tie in config.ties.items()]
     ties = (*dam.ties, *named_ties)
     rigid = tuple(merged_parts(fixed, ties).values())
-    joints = {
-        name: build_joint(name, joint, blocks, fixed, folder, source, rigid)
-        for name, joint in config.every_joint.items()
-    }
+    joints = dict[str, Joint]()
+    for name, of_joint in config.every_joint.items():
+        with faults.gathered():
+            joints[name] = build_joint(name, of_joint, blocks, fixed, folder, source, rigid)
+    faults.raise_together()
     for k, water in enumerate(config.loads.joint_water):
         location = f"{source}: loads.joint_water[{k}]"
         for name in water.joints:
@@ -104,21 +109,6 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     for part in rigid:
         refuse_massless_on_joints(part.mesh(blocks), part.blocks, part.fixed(fixed), blocks, source)
 
-    pressures = []
-    for k, load in enumerate(config.loads.pressure):
-        facets = select_facets(blocks[load.block], load.face, f"{source}: loads.pressure[{k}].face")
-        pressures.append(FacePressure(load.block, facets, load.value))
-    forces = []
-    for k, force in enumerate(config.loads.force):
-        at = f"{source}: loads.force[{k}].at"
-        node = nearest_node(blocks[force.block], force.at, force.tolerance, at)
-        forces.append(PointForce(force.block, node, np.array(force.force)))
-    probes = []
-    for name, probe in config.outputs.nodes.items():
-        at = f"{source}: outputs.nodes.{name}.at"
-        probes.append(
-            Probe(name, probe.block, nearest_node(blocks[probe.block], probe.at, probe.tolerance, at))
-        )
     stages, changes = stage_temperatures(config, blocks, files, source)
     weightless = [
         piece for name, block in config.blocks.items() if not block.weight for piece in config.made_of(name)
@@ -128,13 +118,13 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         blocks=blocks,
         joints=joints,
         fixed=fixed,
-        pressures=tuple(pressures),
-        forces=tuple(forces),
+        pressures=pressures,
+        forces=forces,
         gravity=gravity,
         attachments=build_attachments(config, AttachmentPlaces(blocks, fixed, gravity, source)),
-        probes=tuple(probes),
+        probes=probes,
         ties=ties,
-        water=_water(config, blocks, source),
+        water=still,
         warmed={name: changes[name] for name in blocks if np.any(changes.get(name, 0.0))},
         excluded_from_gravity=dam.excluded_from_gravity | frozenset(weightless),
         radiating=frozenset() if waves else rock,
@@ -174,6 +164,31 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         if water.level > top
     ]
     return replace(scene, remarks=(*remarks, *overtopped))
+
+
+def _on_faces_and_nodes(
+    config: Config, blocks: dict[str, Block], source: str, faults: Faults
+) -> tuple[tuple[FacePressure, ...], tuple[PointForce, ...], tuple[Probe, ...], tuple[Hydrostatic, ...]]:
+    """Loads on faces and at nodes, and observed nodes; `faults` gathers what is wrong with any of them."""
+    pressures, forces, probes = list[FacePressure](), list[PointForce](), list[Probe]()
+    still: tuple[Hydrostatic, ...] = ()
+    for k, load in enumerate(config.loads.pressure):
+        with faults.gathered():
+            facets = select_facets(blocks[load.block], load.face, f"{source}: loads.pressure[{k}].face")
+            pressures.append(FacePressure(load.block, facets, load.value))
+    for k, force in enumerate(config.loads.force):
+        with faults.gathered():
+            at = f"{source}: loads.force[{k}].at"
+            node = nearest_node(blocks[force.block], force.at, force.tolerance, at)
+            forces.append(PointForce(force.block, node, np.array(force.force)))
+    for name, probe in config.outputs.nodes.items():
+        with faults.gathered():
+            at = f"{source}: outputs.nodes.{name}.at"
+            node = nearest_node(blocks[probe.block], probe.at, probe.tolerance, at)
+            probes.append(Probe(name, probe.block, node))
+    with faults.gathered():
+        still = _water(config, blocks, source)
+    return tuple(pressures), tuple(forces), tuple(probes), still
 
 
 def _water(config: Config, blocks: dict[str, Block], source: str) -> tuple[Hydrostatic, ...]:

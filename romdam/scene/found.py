@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from romdam.config.job import Config
-from romdam.config.patterns import with_matching_blocks
+from romdam.config.patterns import with_matching_names
 from romdam.config.sections.joints import TOUCHING
 from romdam.config.sections.places import PlaneRef
 from romdam.core.arrays import Floats
@@ -124,17 +124,21 @@ class Found:
         self._blocks = self._dam.blocks | named
 
     def fill(self, raw: dict[str, Any]) -> None:
-        """Put pairs that touch, and blocks in the place of patterns, into the mapping of the configuration.
+        """Put pairs that touch, and names in the place of patterns, into the mapping of the configuration.
 
         Raises
         ------
         ConfigError
-            where nothing touches, and for patterns that no block is like.
+            where nothing touches, and for patterns that no block, or no joint, is like.
         """
         touching = self._config.touching
         if touching is not None and touching.pairs is None:
             raw["joints"][TOUCHING]["pairs"] = self._pairs(touching.tolerance)
-        with_matching_blocks(raw, tuple(self._blocks), self._entry, self._source)
+        joints = (
+            *self._config.every_joint,
+            *((raw.get("joints") or {}).get(TOUCHING, {}).get("pairs") or ()),
+        )
+        with_matching_names(raw, tuple(self._blocks), tuple(dict.fromkeys(joints)), self._entry, self._source)
 
     def _pairs(self, tolerance: float) -> dict[str, tuple[str, str]]:
         """Names of joints between blocks that touch and that nothing is between yet, and the two blocks."""

@@ -132,6 +132,8 @@ def check_document(check: CheckedJob, config: Path) -> Document:
             }
             for name, motion in check.supports.items()
         },
+        "loads_N": check.loads,
+        "quick": check.quick,
         "without_factors": check.solvers,
         "warnings": check.warnings,
         "not_checked": check.skipped,

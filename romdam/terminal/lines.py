@@ -40,7 +40,9 @@ def check_lines(check: CheckedJob) -> list[str]:
         *check.bodies,
         *check.solvers,
         *_support_lines(check),
-        f"{check.unknowns} unknowns; {time_text}, "
+        f"{check.unknowns} unknowns of the mesh, not reduced"
+        if check.quick
+        else f"{check.unknowns} unknowns; {time_text}, "
         f"{check.memory / 1e6:.0f} MB of memory, up to {check.file_size / 1e6:.0f} MB of results",
         *(f"warning: {text}" for text in check.warnings),
         *(f"not checked: {text}" for text in check.skipped),

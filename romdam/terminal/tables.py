@@ -226,6 +226,9 @@ def check_tables(check: CheckedJob) -> list[Table]:
     joints = _table("Joints", ("joint", "between"), ("gaps", "area [m²]", "friction [-]", "water [N]"))
     for name, joint in check.joints.items():
         joints.add_row(name, *(f"{v:g}" if isinstance(v, float) else str(v) for v in joint.values()))
+    loads = _table("Loads at rest", ("load",), ("x [MN]", "y [MN]", "z [MN]"))
+    for name, force in check.loads.items():
+        loads.add_row(name, *(f"{1e-6 * value:.4g}" for value in force.values()))
     ties = _table("Ties", ("tie", "between"), ("nodes", "discretization", "faces apart [m]"))
     for name, tie in check.ties.items():
         ties.add_row(name, *(f"{v:.2g}" if isinstance(v, float) else str(v) for v in tie.values()))
@@ -233,9 +236,11 @@ def check_tables(check: CheckedJob) -> list[Table]:
     head = ("dt [s]", "duration [s]", "peak [m/s²]", "steps", *(["sequence"] if sequences else []))
     records = _table("Records", ("record",), head)
     for name, record in check.records.items():
-        cells = [f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()]
+        cells = [
+            "-" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in record.values()
+        ]
         records.add_row(name, *cells[: len(head)])
-    return [blocks, joints, *([ties] if check.ties else []), records]
+    return [blocks, joints, *([loads] if check.loads else []), *([ties] if check.ties else []), records]
 
 
 def suite_table(summary: xr.Dataset) -> Table:

@@ -16,7 +16,7 @@ class GroutConfig(Model):
     """Joints that are grouted, over their whole height or between two elevations (z)."""
 
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
-    """Names of joints."""
+    """Names of joints, or patterns such as contraction_*."""
     above: Length | None = None
     """Elevation of the zone's lower end, which belongs to it."""
     below: Length | None = None

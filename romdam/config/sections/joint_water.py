@@ -57,7 +57,7 @@ class JointWaterConfig(Model):
     """
 
     joints: Annotated[tuple[str, ...], Field(min_length=1)]
-    """Names of `joints`."""
+    """Names of `joints`, or patterns such as base_*."""
     level: Length
     """Elevation of the reservoir."""
     downstream: Direction | None = None

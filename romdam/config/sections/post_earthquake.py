@@ -7,7 +7,6 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from romdam.config.base import Model
-from romdam.config.names import Name
 from romdam.config.quantities import Dimensionless
 
 
@@ -22,5 +21,5 @@ class PostEarthquakeConfig(Model):
     loads.joint_water.0.crack: redrawn, loads.joint_water.0.drains: null."""
     required_factor: Annotated[Dimensionless, Field(gt=0.0)]
     """Least factor of safety against sliding of each joint that is judged."""
-    joints: Annotated[tuple[Name, ...], Field(min_length=1)] | None = None
-    """Joints that are judged; all that carry shear if not given."""
+    joints: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    """Joints that are judged, or patterns such as base_*; all that carry shear if not given."""
