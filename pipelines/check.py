@@ -9,7 +9,7 @@ from pathlib import Path
 
 from romdam.config.load import Job, Source, located, naming_lines
 from romdam.config.other_mesh import with_spacing
-from romdam.core.errors import Faults, RecordError, RomdamError, placed
+from romdam.core.errors import ConvergenceError, Faults, RecordError, RomdamError, placed
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import System
@@ -36,7 +36,7 @@ from romdam.pipelines.run import (
     silent,
     usable_motions,
 )
-from romdam.pipelines.simulation import RunModel, refuse_large, settings_for
+from romdam.pipelines.simulation import RunModel, refuse_large, settings_for, with_odd_values
 from romdam.pipelines.sizes import run_bytes
 from romdam.pipelines.stability import job_after
 from romdam.pipelines.suites.mesh_error import runs_stated
@@ -207,7 +207,10 @@ def _check(job: Job, clock: Clock, store: BlockStore | None, *, quick: bool) -> 
         if model.prepared.goes_on_from is not None:
             refuse_other_start(model.prepared.goes_on_from, [model.prepared])
         elif model.reduced is not None:
-            initial_state(model.prepared, settings)
+            try:
+                initial_state(model.prepared, settings)
+            except ConvergenceError as error:
+                raise with_odd_values(job, error) from None
     runs = len(motions) if plan is None else plan.count
     each = max(1, runs // len(motions))
     total, system = sum(steps.values()) * each, model.system

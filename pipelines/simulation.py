@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from romdam.config.load import Job
+from romdam.config.plausible import odd_at_rest
 from romdam.core.arrays import Floats
-from romdam.core.errors import placed
+from romdam.core.errors import ConvergenceError, placed
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import History, System
@@ -152,13 +153,19 @@ def simulate_motions(
             of_slips = job.config.transient.slip_accuracies
             histories = simulate_to(some, grounds, run_settings, accuracy, progress, of_slips)
         outcomes.update(zip(group, histories, strict=True))
-    return [_with_run_warnings(outcomes[i], prepared[i].system, motions[i]) for i in range(len(motions))]
+    return [_with_run_warnings(job, outcomes[i], prepared[i].system, motions[i]) for i in range(len(motions))]
 
 
-def _with_run_warnings(outcome: Outcome, system: System, motion: GroundMotion) -> Outcome:
+def with_odd_values(job: Job, error: ConvergenceError) -> ConvergenceError:
+    """An error of the state at rest, with the values of the job that it may be of."""
+    odd = odd_at_rest(job.config, job.scene_warnings) if str(error).startswith("initial state:") else ()
+    return type(error)("; ".join((f"{error}", *odd))) if odd else error
+
+
+def _with_run_warnings(job: Job, outcome: Outcome, system: System, motion: GroundMotion) -> Outcome:
     """The outcome, with what is lost of fast contact, forces that vary in time, and late supports."""
     if not isinstance(outcome, History):
-        return outcome
+        return with_odd_values(job, outcome)
     said, end = resolution_warnings(outcome, system), float(outcome.time[-1])
     if system.signals:
         said += force_warnings(system.signals, outcome.stats["base_step"], end)

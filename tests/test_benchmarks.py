@@ -97,6 +97,11 @@ def test_unknown_patterns_and_formats_are_refused(tmp_path):
     with pytest.raises(ConfigError, match="nafems-fv52, nafems-fv32"):
         select_cases(CASES, "nafems")
     assert [case.name for case in select_cases(CASES, "nafems-*")] == ["nafems-fv32", "nafems-fv52"]
+    two = [case.name for case in select_cases(CASES, "nafems-fv52", "nafems-fv3?")]
+    assert two == ["nafems-fv32", "nafems-fv52"], "in the catalogue's order"
+    assert select_cases(CASES) == tuple(CASES)
+    code, out, _ = call("benchmarks", "--list", "--only", "nafems-fv32", "--only", "nafems-fv52")
+    assert code == 0 and "nafems-fv32" in out and "nafems-fv52" in out
 
 
 def test_list_computes_nothing(monkeypatch):

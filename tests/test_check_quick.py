@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from gravity_dams import gravity_dam
 from pytest import approx
 from suite_jobs import BASE, write_job
 from test_cli import call
@@ -76,3 +77,60 @@ def test_all_parameters_that_cannot_be_varied_are_told(tmp_path):
     with pytest.raises(romdam.ConfigError) as refused:
         romdam.load_config(write_job(tmp_path, 1, suite))
     assert [f"parameters.{name}" in str(refused.value) for name in suite["parameters"]] == [True] * 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"stiffness": "50 Pa/m"}, ["normal_stiffness = 50 N/m3", "is a unit missing, such as `16 GPa/m`?"]),
+        ({"gravity": [0, 0, 9.81]}, ["loads.gravity", "does not point down", "[0, 0, -9.81] makes weight"]),
+    ],
+)
+@pytest.mark.parametrize("command", [romdam.check, romdam.run])
+def test_a_dam_that_does_not_rest_names_the_values_that_it_hardly_means(tmp_path, command, changes, says):
+    """A joint of 50 Pa/m and a weight upwards: the remedy is not friction."""
+    write_job(tmp_path, 1)
+    dam = gravity_dam()
+    for joint in dam["gravity_dam"]["joints"].values():
+        joint["normal_stiffness"] = changes.get("stiffness", joint["normal_stiffness"])
+    loads = {"gravity": changes.get("gravity", [0, 0, -9.81])}
+    short = {"finest_step": "5 ms", "duration": "0.1 s"}
+    keys = {"records": BASE["records"], "model": {"modes": 3}, "transient": short, "loads": loads}
+    with pytest.raises(romdam.ConvergenceError) as refused:
+        command(romdam.load_config({**dam, **keys}, tmp_path))
+    text = str(refused.value)
+    assert text.startswith("initial state: no") and all(part in text for part in says)
+    assert text.count("normal_stiffness =") <= 1, "joints alike are told once"
+
+
+def test_names_of_joints_may_be_patterns_as_those_of_blocks():
+    raw = yaml.safe_load(KOYNA.read_text())
+    named = romdam.load_config(raw, KOYNA.parent).config
+    raw["loads"]["joint_water"][0]["joints"] = ["base_?"]
+    wet = [{"block": "monolith_*", "face": "upstream"}]
+    raw["loads"]["hydrostatic"][0]["faces"] = raw["water"]["faces"] = wet
+    assert romdam.load_config(raw, KOYNA.parent).config == named
+    stage = {
+        "name": "all",
+        "pour": ["monolith_*"],
+        "grout": [{"joints": ["contraction_*", "contraction_1_2"]}],
+    }
+    after = {"changes": {"loads.joint_water.0.drains": None}, "required_factor": 1.1, "joints": ["base_*"]}
+    config = romdam.load_config(
+        raw | {"construction": [stage], "post_earthquake": after}, KOYNA.parent
+    ).config
+    assert config.construction[0].grout[0].joints == (
+        "contraction_1_2", "contraction_2_3", "contraction_3_4", "contraction_4_5"
+    )  # fmt: skip
+    assert config.post_earthquake.joints == named.loads.joint_water[0].joints
+    raw["loads"]["joint_water"][0]["joints"] = ["bose_*"]
+    with pytest.raises(romdam.ConfigError, match=r"\[0\]: no joint is like .bose_\*.; joints are base_1"):
+        romdam.load_config(raw, KOYNA.parent)
+
+
+def test_the_statement_of_the_mesh_before_a_suite_costs_what_its_runs_on_both_meshes_do(tmp_path):
+    suite = {"scales": [0.5, 1.0, 2.0]}
+    outputs = {**BASE["outputs"], "mesh_error": "finer"}
+    stated = romdam.check(write_job(tmp_path, 1, suite, outputs=outputs))
+    without = romdam.check(write_job(tmp_path, 1, suite, outputs={**outputs, "mesh_error": False}))
+    assert without.costs["mesh"] == 0.0 < stated.costs["mesh"] < 60.0 * stated.costs["integration"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from pydantic import BaseModel
 
@@ -55,6 +55,7 @@ _OF_LAWS: dict[str, Range] = {  # keys of laws' own sections
     "mu_b": (0.3, 1.0, "", "rock has basic friction angles of 25 to 35 degrees"),
 }
 _FALLING = {"velocity_friction": "the speed", "slip_weakening": "the slip"}
+_AT_REST = ("joints.", "materials.", "loads.", "arch_dam.", "gravity_dam.", "cut.")
 _USUAL: dict[type[BaseModel], dict[str, Range]] = {
     MaterialConfig: {
         "E": (1e8, 2.5e11, "Pa", "concrete has about 30 GPa, rock 1 to 100 GPa"),
@@ -181,6 +182,22 @@ def check_assumptions(config: Config) -> tuple[str, ...]:
                 "equal to normal_stiffness"
             )
     return tuple(remarks)
+
+
+def odd_at_rest(config: Config, remarks: Iterable[str]) -> tuple[str, ...]:
+    """What a state at rest may fail over: values that the job hardly can mean, of joints alike the first.
+
+    Parameters
+    ----------
+    remarks : of its scene
+    """
+    doubtful = dict[str, str]()
+    for text in (*check_assumptions(config), *remarks):
+        key = text.partition(" ")[0].rstrip(":")
+        if key == "loads.gravity" or (text.endswith("?") and key.startswith(_AT_REST)):
+            root, _, last = key.rpartition(".")
+            doubtful.setdefault(last if root.startswith("joints.") else key, text)
+    return tuple(doubtful.values())
 
 
 def _unusual(model: BaseModel, path: str) -> Iterator[str]:
