@@ -22,7 +22,8 @@ _KEY = re.compile(r"([A-Za-z_]\w*(?:\.[^\s.:\[\]=]+|\[\d+\])*)(?=:|$| =| must| i
 _OTHERWISE = {  # what keys are called elsewhere
     "density": "rho", "poisson": "nu", "poissons_ratio": "nu", "young": "E", "youngs_modulus": "E",
     "modulus": "E", "dynamic_modulus": "E_dynamic", "mu": "friction", "kn": "normal_stiffness",
-    "ks": "shear_stiffness", "step": "dt", "time_step": "finest_step", "reservoir": "water", "ground_motion": "records", "dam": "gravity_dam",
+    "ks": "shear_stiffness", "step": "dt", "time_step": "finest_step", "reservoir": "water",
+    "ground_motion": "records", "dam": "gravity_dam",
 }  # fmt: skip
 _LIMITS = {  # words, and the bound in the context
     "greater_than": ("must be greater than", "gt"),

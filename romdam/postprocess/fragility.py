@@ -58,10 +58,7 @@ def fragility(
     """
     values, measured = response_of(summary, response), intensity_of(summary, intensity)
     curves = curves_of(values, measured)
-    if method not in ("auto", "capacities", "stripes"):
-        raise ResultError(f"{method}: is no method of a fragility; use auto, capacities or stripes")
-    if method == "auto":
-        method = "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
+    method = _chosen(method, curves)
     seen = _observations(curves, threshold, method)
     about = about_runs(summary, values, measured) | {
         "method": method,
@@ -103,6 +100,42 @@ def fragility(
     names = ("group_intensity", "group_share", "group_count")
     data |= {n: ("group", row, {"units": "1"}) for n, row in zip(names, groups.T, strict=True)}
     return xr.Dataset(data, coords, about)
+
+
+def _chosen(method: str, curves: list[Curve]) -> str:
+    if method not in ("auto", "capacities", "stripes"):
+        raise ResultError(f"{method}: is no method of a fragility; use auto, capacities or stripes")
+    if method == "auto":
+        method = "capacities" if any(len(curve.intensity) > 1 for curve in curves) else "stripes"
+    return method
+
+
+def resampled_fits(
+    summary: xr.Dataset, response: str, threshold: float, intensity: str, count: int, seed: int = 1
+) -> Floats:
+    """Medians and dispersions (n, 2) of the fragility of records drawn with replacement.
+
+    A record is drawn with all of its runs: the scatter is that between records. Draws that give no
+    fragility are left out, so that n is at most `count`.
+
+    References
+    ----------
+    Efron, Tibshirani, An introduction to the bootstrap (Chapman and Hall, 1993), 6 and 13.
+    """
+    values, measured = response_of(summary, response), intensity_of(summary, intensity)
+    records = range(summary.sizes["record"])
+    each = [curves_of(values.isel(record=[i]), measured.isel(record=[i])) for i in records]
+    each = [curves for curves in each if curves]
+    method = _chosen("auto", [curve for curves in each for curve in curves])
+    random, fits = np.random.default_rng(seed), list[tuple[float, float]]()
+    for _ in range(count):
+        drawn = [curve for i in random.integers(0, len(each), len(each)) for curve in each[i]]
+        try:
+            fit = fit_lognormal(_observations(drawn, threshold, method))
+        except ValueError:  # of records that all exceed, or none
+            continue
+        fits.append((fit.theta, fit.beta))
+    return np.array(fits).reshape(-1, 2)
 
 
 def none_exceeds(records: int) -> float:

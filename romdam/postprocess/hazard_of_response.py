@@ -8,12 +8,17 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.arrays import Floats
-from romdam.postprocess.fragility import fragility
+from romdam.postprocess.fragility import fragility, resampled_fits
 from romdam.postprocess.hazard import HazardCurve
 from romdam.postprocess.responses import each_once, intensity_of, response_of
 
 LEVEL = "hazard_level"  # dimension and coordinate
 STATEMENT = "hazard_statement"  # attribute of a summary without frequencies: why
+WARNING = "hazard_warning"  # attribute of a summary with frequencies that say less than they seem to
+FEWEST = 5  # records, below which their scatter is unknown
+CONFIDENCE = 0.9  # of the bounds
+_RESAMPLES = 200  # of the records
+_MOST_LOST = 0.1  # of the resamples, which have no fragility
 _LEVELS, _ENDS = 12, (0.05, 0.95)  # levels that nobody has named, and quantiles of the runs between which
 
 
@@ -33,9 +38,11 @@ def with_hazard_of_response(
 
     Returns
     -------
-    Dataset with `annual_frequency`, `annual_frequency_outside_table`, `hazard_median`, `hazard_dispersion`,
-        `hazard_level_statement` (hazard_level), and the hazard itself, `hazard_frequency` (hazard_intensity);
-        with the attribute `hazard_statement` alone where no run has the response
+    Dataset with `annual_frequency`, `annual_frequency_bounds` (hazard_level, bound) for the scatter between
+        records, NaN for fewer than `FEWEST` of them, `annual_frequency_outside_table`, `hazard_median`,
+        `hazard_dispersion`, `hazard_level_statement` (hazard_level), and the hazard itself,
+        `hazard_frequency` (hazard_intensity); with the attribute `hazard_statement` alone where no run has
+        the response
     """
     if response not in summary:
         return summary.assign_attrs({STATEMENT: f"no run has {response}, so there is no frequency of it"})
@@ -44,13 +51,16 @@ def with_hazard_of_response(
     y = np.array(levels if levels is not None else _chosen(values.values))
     if not y.size:
         return summary.assign_attrs({STATEMENT: f"no run has a {response} above 0"})
-    rows, statements = np.full((len(y), 4), np.nan), list[str]()
-    for row, level in zip(rows, y, strict=True):
+    records = int(values.notnull().any(("scale", "sample")).sum())
+    rows, statements, bounds = np.full((len(y), 4), np.nan), list[str](), np.full((len(y), 2), np.nan)
+    for k, (row, level) in enumerate(zip(rows, y, strict=True)):
         fit = fragility(population, response, float(level), measure)
         statements.append(str(fit.attrs["statement"]))
         if fit.theta.notnull():
             theta, beta = float(fit.theta), float(fit.beta)
             row[:] = (*curve.annual_frequency(theta, beta), theta, beta)
+            if records >= FEWEST:
+                bounds[k] = _bounds(population, curve, response, float(level), measure)
     units = str(measured.attrs.get("units", "1"))
     about = str(values.attrs.get("long_name", response))
     names = (
@@ -63,6 +73,9 @@ def with_hazard_of_response(
         name: (LEVEL, column, {"units": unit, "long_name": text})
         for (name, unit, text), column in zip(names, rows.T, strict=True)
     }
+    text = f"{100 * CONFIDENCE:g} % bounds of the annual frequency, for the scatter between records"
+    about_bounds = {"units": "year-1", "long_name": text, "method": f"bootstrap, {_RESAMPLES} resamples"}
+    data["annual_frequency_bounds"] = ((LEVEL, "bound"), bounds, about_bounds)
     data["hazard_level_statement"] = (
         LEVEL,
         np.array(statements, dtype=str),
@@ -87,7 +100,32 @@ def with_hazard_of_response(
             {"units": units, "long_name": str(measured.attrs.get("long_name", measure))},
         ),
     }  # fmt: skip
-    return summary.assign_coords(coords).assign(data)
+    if few := few_records(records):
+        summary = summary.assign_attrs({WARNING: few})
+    return summary.assign_coords(coords).assign_coords(bound=["lower", "upper"]).assign(data)
+
+
+def few_records(records: int) -> str:
+    """Say that annual frequencies are of too few records; empty where they are not."""
+    if records >= FEWEST:
+        return ""
+    of = "1 record" if records == 1 else f"{records} records"
+    return (
+        f"annual frequencies are of {of}, and the scatter between records needs {FEWEST} at least: they "
+        "leave it out, and have no bounds; run more records"
+    )
+
+
+def _bounds(
+    summary: xr.Dataset, curve: HazardCurve, response: str, level: float, measure: str
+) -> tuple[float, float]:
+    """Quantiles of the annual frequency over records drawn with replacement; NaN if too many draws fail."""
+    fits = resampled_fits(summary, response, level, measure, _RESAMPLES)
+    if len(fits) < (1.0 - _MOST_LOST) * _RESAMPLES:
+        return np.nan, np.nan
+    frequencies = [curve.annual_frequency(float(theta), float(beta))[0] for theta, beta in fits]
+    low, high = np.quantile(frequencies, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    return float(low), float(high)
 
 
 def _chosen(values: Floats) -> Floats:
@@ -99,15 +137,23 @@ def _chosen(values: Floats) -> Floats:
     return np.unique([float(f"{level:.2g}") for level in np.geomspace(low, high, _LEVELS)])
 
 
-def hazard_rows(summary: xr.Dataset, factor: float) -> list[tuple[str, str, str, str, str]]:
-    """Level times a factor, annual frequency, return period [years], share outside the table [%], note."""
+def hazard_rows(summary: xr.Dataset, factor: float) -> list[tuple[str, str, str, str, str, str]]:
+    """Level times a factor, annual frequency, its bounds, return period [years], share outside the table [%],
+    and a note."""
     rows = []
     for k, level in enumerate(summary[LEVEL].values):
         frequency = float(summary.annual_frequency[k])
-        cells = ("-", "-", "-")
+        cells = ("-", "-", "-", "-")
         if np.isfinite(frequency):
             outside = 100.0 * float(summary.annual_frequency_outside_table[k])
             years = f"{1.0 / frequency:.3g}" if frequency > 0.0 else "-"
-            cells = (f"{frequency:.3g}", years, f"{outside:.2g}")
+            cells = (f"{frequency:.3g}", _bounds_text(summary, k), years, f"{outside:.2g}")
         rows.append((f"{factor * level:.4g}", *cells, str(summary.hazard_level_statement.values[k])))
     return rows
+
+
+def _bounds_text(summary: xr.Dataset, k: int) -> str:
+    if "annual_frequency_bounds" not in summary:  # of a version before
+        return "-"
+    low, high = summary.annual_frequency_bounds.values[k]
+    return f"{low:.2g} to {high:.2g}" if np.isfinite(low) else "-"

@@ -293,7 +293,7 @@ def sobol_tables(summary: xr.Dataset) -> list[Table]:
 
 def hazard_tables(summary: xr.Dataset) -> list[Table]:
     """Annual frequencies of the levels of a suite's response; none where no hazard is named."""
-    from romdam.postprocess.hazard_of_response import LEVEL, STATEMENT, hazard_rows
+    from romdam.postprocess.hazard_of_response import CONFIDENCE, LEVEL, STATEMENT, WARNING, hazard_rows
 
     if LEVEL not in summary.coords and STATEMENT not in summary.attrs:
         return []
@@ -302,11 +302,14 @@ def hazard_tables(summary: xr.Dataset) -> list[Table]:
         about = summary[LEVEL].attrs
         factor, unit = (1e3, "mm") if about["units"] == "m" else (1.0, str(about["units"]))
         name = str(about["response"]).replace("_", " ")
-        head = ("per year", "return period [years]", "outside the table [%]")
+        bounds = f"{100 * CONFIDENCE:g} % bounds, records"
+        head = ("per year", bounds, "return period [years]", "outside the table [%]")
         table = _table(f"Hazard of {name}, by {about['measure']}", (f"level [{unit}]",), head)
         table.add_column("")
         for row in hazard_rows(summary, factor):
             table.add_row(*row)
+        if WARNING in summary.attrs:
+            table.caption = f"warning: {summary.attrs[WARNING]}"
     else:
         table.caption = str(summary.attrs[STATEMENT])
     return [table]

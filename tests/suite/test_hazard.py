@@ -13,9 +13,10 @@ from test_cli import call
 import romdam
 from romdam.core.errors import ConfigError
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.hazard_of_response import with_hazard_of_response
+from romdam.postprocess.hazard_of_response import hazard_rows, with_hazard_of_response
 from romdam.postprocess.responses import WITHIN
 from romdam.results.suite.hazard_table import read_hazard
+from romdam.terminal.tables import hazard_tables
 from romdam.visual.report.parts import PageTable
 from romdam.visual.report.statistics import hazard_section
 from romdam.visual.report.subject import Subject, Topic
@@ -175,3 +176,35 @@ def test_levels_that_nobody_named_lie_within_the_runs_and_a_response_may_be_miss
         "no run has peak_slip"
         in with_hazard_of_response(summary, curve, "peak_slip", "sa", None).attrs["hazard_statement"]
     )
+
+
+def test_bounds_of_an_annual_frequency_are_those_of_the_scatter_between_records():
+    """Of n known capacities ln(lambda) has the variance k^2 beta^2 / n + k^4 beta^4 / (2 n) for H = k0 x^-k:
+    that of ln(theta) is beta^2 / n, of beta^2 it is 2 beta^4 / n, and they are independent."""
+    theta, beta, k, records = 3.0, 0.4, 2.5, 400
+    levels = np.geomspace(0.3, 30.0, 12)
+    summary, capacity = lognormal_curves(np.random.default_rng(5), theta, beta, levels, records)
+    x = np.array([0.1, 1.0, 50.0])
+    found = with_hazard_of_response(summary, HazardCurve(x, 2e-3 * x**-k), "peak_opening", "sa", [1.0])
+    of_sample = np.log(capacity).std()
+    frequency = 2e-3 * math.exp(-k * np.log(capacity).mean() + 0.5 * (k * of_sample) ** 2)
+    assert float(found.annual_frequency[0]) == pytest.approx(frequency, rel=5e-3)
+    spread = math.sqrt((k * of_sample) ** 2 / records + (k * of_sample) ** 4 / (2.0 * records))
+    low, high = np.log(found.annual_frequency_bounds.values[0] / frequency)
+    assert (high, low) == pytest.approx((1.645 * spread, -1.645 * spread), rel=0.2)
+    assert "hazard_warning" not in found.attrs
+
+
+@pytest.mark.parametrize("records", [1, 4, 5])
+def test_few_records_are_warned_of_and_have_no_bounds(records):
+    levels = np.geomspace(0.3, 30.0, 12)
+    summary, _ = lognormal_curves(np.random.default_rng(5), 3.0, 0.4, levels, records)
+    curve = HazardCurve(np.array([0.1, 1.0, 50.0]), np.array([0.5, 2e-3, 1e-7]))
+    found = with_hazard_of_response(summary, curve, "peak_opening", "sa", [1.0])
+    warned = found.attrs.get("hazard_warning", "")
+    assert np.isfinite(found.annual_frequency_bounds.values).all() == (records == 5) == (not warned)
+    assert records == 5 or warned.startswith(f"annual frequencies are of {records} record")
+    (row,) = hazard_rows(found, 1.0)
+    assert (" to " in row[2]) == (records == 5)
+    (table,) = hazard_tables(found)
+    assert (table.caption is None) == (records == 5)

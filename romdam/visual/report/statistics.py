@@ -10,7 +10,14 @@ from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.hazard_of_response import LEVEL, STATEMENT, hazard_rows
+from romdam.postprocess.hazard_of_response import (
+    CONFIDENCE,
+    LEVEL,
+    STATEMENT,
+    WARNING,
+    few_records,
+    hazard_rows,
+)
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of, responses, turned
 from romdam.postprocess.sobol import BASE_SAMPLES, sobol_indices, sobol_rows
@@ -136,6 +143,8 @@ def fragility_section(subject: Subject) -> PageSection | None:
             f"{none.attrs['records']} records, with 95 % confidence."
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
+    if fits and subject.topic.hazard is not None and (few := few_records(int(fits[0].attrs["records"]))):
+        parts.append(Text(f"Warning: {few}."))
     return PageSection(
         "fragility",
         "Incremental curves and fragility",
@@ -187,13 +196,20 @@ def hazard_section(subject: Subject) -> PageSection | None:
         return None
     about = summary[LEVEL].attrs
     factor, unit = plots.display_unit(summary[LEVEL], str(about["units"]))
-    head = [f"level [{unit}]", "per year", "return period [years]", "outside the hazard's table [%]", "note"]
+    bounds = f"{100 * CONFIDENCE:g} % bounds, by records"
+    head = [f"level [{unit}]", "per year", bounds, "return period [years]", "outside the hazard's table [%]"]
+    head.append("note")
     rows = [list[Value](row) for row in hazard_rows(summary, factor)]
     parts: list[Part] = []
     if (summary.annual_frequency > 0.0).any():
         caption = f"Annual frequency at which {plain(str(about['response']))} exceeds a level."
         parts.append(side_by_side(picture(plots.hazard_figure(summary, factor, unit), caption)))
-    note = "The fragility of each level is lognormal; its uncertainty is not part of the frequency."
+    note = (
+        "The fragility of each level is lognormal. Bounds are for the scatter between records (bootstrap); "
+        "the frequency itself has no part of it."
+    )
+    if WARNING in summary.attrs:
+        parts.insert(0, Text(f"Warning: {summary.attrs[WARNING]}."))
     return PageSection("hazard", title, [*parts, PageTable(head, rows), Text(note, soft=True)])
 
 
