@@ -555,6 +555,15 @@ _REDUCTION = (
          "reduction/test_free_interface.py::test_static_equilibrium_is_that_of_the_mesh"),
     ),
     Approximation(
+        "moduli by duration",
+        ("effects.sustained_moduli:sustained_moduli",),
+        "one modulus at rest and another of what the record adds; answers of both are in the basis",
+        "exact",
+        ("effects/test_moduli_by_duration.py::"
+         "test_state_at_rest_is_that_of_a_job_with_the_sustained_moduli_alone",
+         "effects/test_moduli_by_duration.py::test_in_an_elastic_scene_both_states_superpose"),
+    ),
+    Approximation(
         "stages of construction",
         ("effects.construction:construction",),
         "every stage is an equilibrium of the blocks that are there",
