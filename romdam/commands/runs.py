@@ -81,7 +81,14 @@ def _run_comparison(job: Job, out: Path, cache: Path | None, terminal: Terminal)
 def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) -> list[str]:
     """Run the records; a line for each that failed."""
     from romdam.pipelines.run import run as run_job
-    from romdam.terminal.tables import error_tables, peaks_table, sliding_tables, stress_tables, variant_table
+    from romdam.terminal.tables import (
+        attached_tables,
+        error_tables,
+        peaks_table,
+        sliding_tables,
+        stress_tables,
+        variant_table,
+    )
 
     search_what_comes()
     stages, say = terminal
@@ -91,7 +98,8 @@ def _run_records(job: Job, out: Path, cache: Path | None, terminal: Terminal) ->
     else:  # opening it takes 0.1 s
         results = {outcome.paths[0].stem: outcome.lone}
     say(peaks_table(results), *error_tables(results))
-    say(*sliding_tables(results), *stress_tables(results), *map(variant_table, outcome.stages))
+    say(*sliding_tables(results), *attached_tables(results), *stress_tables(results))
+    say(*map(variant_table, outcome.stages))
     if outcome.summary:
         say(*write_page(job, out, stages))
     say(*(f"not of this run, but there from before: {path}" for path in outcome.others))

@@ -40,7 +40,7 @@ def info(
     from romdam.terminal.documents import info_document, print_document
     from romdam.terminal.lines import info_lines
     from romdam.terminal.spectrum import spectrum_document, spectrum_lines
-    from romdam.terminal.tables import error_tables, peaks_table, sliding_tables
+    from romdam.terminal.tables import attached_tables, error_tables, peaks_table, sliding_tables
 
     _, say = open_terminal(quiet, verbose, as_json)
     if result.suffix == ".h5":
@@ -65,6 +65,7 @@ def info(
         say(*info_lines(opened.dataset))
         results = {str(opened.dataset.attrs["record"]): opened.dataset}
         say(peaks_table(results), *error_tables(results), *sliding_tables(results))
+        say(*attached_tables(results))
 
 
 def show(

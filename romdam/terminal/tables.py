@@ -73,6 +73,17 @@ def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     return [table] if table.row_count else []
 
 
+def attached_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
+    """Forces of anchors and what else is attached, a row for each record and one; none without any."""
+    from romdam.results.attached import attached_forces
+
+    table = _table("Attached", ("record", "of", "name"), ("at rest [kN]", "least [kN]", "largest [kN]"))
+    for record, dataset in results.items():
+        for of, name, *forces in attached_forces(dataset):
+            table.add_row(record, of, name, *(f"{1e-3 * force:.1f}" for force in forces))
+    return [table] if table.row_count else []
+
+
 def wedges_tables(rows: Sequence[Sequence[str]], rotations: Sequence[Sequence[str]]) -> tuple[Table, Table]:
     """Sliding of rock wedges, a row for each, and their rotation."""
     from romdam.postprocess.wedge_histories import HEAD, ROTATION_HEAD

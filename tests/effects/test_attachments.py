@@ -28,8 +28,10 @@ from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.refinement import embedding
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
+from romdam.results.attached import attached_forces
 from romdam.scene.build import build_scene
 from romdam.scene.points import point_weights
+from romdam.terminal.tables import attached_tables
 
 E, RHO, L, AREA = 20e9, 2500.0, 40.0, 4.0
 BAR = {
@@ -388,6 +390,13 @@ def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
     said = " ".join(json.loads(data.attrs["run_warnings"]))
     assert "anchors.B goes slack: its force falls to" in said and "anchors.A" not in said
     assert data.imbalance_at_rest.values.max() < 1e-9
+    rows = attached_forces(data)
+    assert [(one.of, one.name) for one in rows] == [("anchor", "A"), ("anchor", "B")]
+    assert [one.rest for one in rows] == force[0].tolist()
+    assert rows[1].least == float(data.anchor_force_least[1])
+    (table,) = attached_tables({"r0": data})
+    assert list(table.columns[3].cells) == [f"{1e-3 * value:.1f}" for value in force[0]]
+    assert not attached_tables({"r0": data.drop_dims("anchor")})
     # at rest the right block's supports bear its weight and what the anchors pull down
     k = data.body.values.tolist().index("right")
     weight = 2440.0 * 5 * 10 * 20 * 9.81

@@ -31,6 +31,7 @@ from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.sliding import least_factor, sliding
 from romdam.postprocess.stated_errors import total_text
 from romdam.postprocess.stress.faces import HEADLINE, verdict
+from romdam.results.attached import attached_forces
 from romdam.visual.plots import FIGURES
 from romdam.visual.report.parts import (
     Code,
@@ -210,7 +211,9 @@ def loads_section(subject: RunSubject) -> PageSection:
     dataset, parts = subject.dataset, list[Part]()
     parts.append(
         _keys_table(
-            subject, "Loads, water, ground and damping", "loads", "construction", "water", "ground", "damping"
+            subject,
+            "Loads, what is attached, water, ground and damping",
+            *("loads", "anchors", "masses", "construction", "water", "ground", "damping"),
         )
     )
     if "construction_opening" in dataset:
@@ -228,6 +231,12 @@ def loads_section(subject: RunSubject) -> PageSection:
         parts.append(
             PageTable(head, rows, "Resultant of the water in joints and their cracks at rest, on block J")
         )
+    if forces := attached_forces(dataset):
+        values, unit = subject.column("N", [x for one in forces for x in (one.rest, one.least, one.largest)])
+        head = ["of", "name", *(f"{what} [{unit}]" for what in ("at rest", "least", "largest"))]
+        each = enumerate(forces)
+        lines: list[list[Value]] = [[one.of, one.name, *values[3 * k : 3 * k + 3]] for k, one in each]
+        parts.append(PageTable(head, lines, "Forces of what is attached, over all steps; tension positive"))
     if "loads_at_rest" in dataset:
         parts.append(_balance_table(subject))
     return PageSection("loads", "Loads", parts)
