@@ -40,8 +40,13 @@ def _word_of_sign(value: object) -> object:
     return _SIGNS.get(value, value) if isinstance(value, str) else value
 
 
-Delimiter = Annotated[Literal["blank", "comma", "semicolon", "tab"], BeforeValidator(_word_of_sign)]
-Decimal = Annotated[Literal["point", "comma"], BeforeValidator(_word_of_sign)]
+Delimiter = Annotated[
+    Literal["blank", "comma", "semicolon", "tab"],
+    BeforeValidator(_word_of_sign, Literal["blank", "comma", "semicolon", "tab", " ", ",", ";", "\t"]),
+]
+Decimal = Annotated[
+    Literal["point", "comma"], BeforeValidator(_word_of_sign, Literal["point", "comma", ".", ","])
+]
 MEASURES = {  # what records can be filtered by, and the unit of each
     "pga": "m/s^2",
     "pgv": "m/s",
