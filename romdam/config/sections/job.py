@@ -60,9 +60,10 @@ class MaterialConfig(Model):
     """Isotropic linear elasticity; `expansion` is the coefficient of linear thermal expansion."""
 
     E: Annotated[Pressure, Positive]
-    """Young's modulus; with `E_dynamic` that of loads that last (weight, water, temperature, grouting)."""
+    """Young's modulus."""
     E_dynamic: Annotated[Pressure, Positive] | None = None
-    """Young's modulus of what the record adds to the state at rest; `E` unless given."""
+    """Young's modulus of what the record adds; `E` is then that of loads that last: weight, water,
+    temperature, grouting."""
     nu: Annotated[Dimensionless, Field(gt=-1.0, lt=0.5)]
     """Poisson's ratio."""
     rho: Annotated[Density, Positive]
