@@ -69,7 +69,8 @@ def assess_combinations(
         raise ConfigError(
             f"{job.path}: combinations is missing; name them, such as usual: {{required_factor: 3}}"
         )
-    refuse_unknown_effects(job.config, "rest", str(job.path))
+    if any(one.after is not None for one in asked.values()):  # the others are runs, which know every effect
+        refuse_unknown_effects(job.config, "rest", str(job.path))
     jobs = {name: _job_of(job, name, one) for name, one in asked.items()}
     folder = prepare_folder(Path(out))
     margins, failures = dict[str, list[Margin]](), dict[str, str]()
