@@ -21,7 +21,7 @@ from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
 from romdam.results.suite.rows import Kept, SuiteRow, row_values
 from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
-from romdam.results.table import refuse_without_xlsx, write_tables
+from romdam.results.table import refuse_without, write_tables
 from romdam.results.variables import Case
 
 
@@ -61,13 +61,14 @@ def refuse_summary(job: Job, folder: Path | None, *files: str) -> None:
     ResultError
         where a folder has the name of one of its files.
     ConfigError
-        where a spreadsheet is asked for that cannot be written.
+        where a file is asked for whose package is not installed.
     """
     for name in (SUMMARY, *files):
         if folder is not None and (folder / name).is_dir():
             raise ResultError(f"{folder / name}: is a folder, a file is written there; choose another --out")
-    if job.config.outputs.xlsx:
-        refuse_without_xlsx(job.path)
+    outputs = job.config.outputs
+    asked = {"xlsx": outputs.xlsx, "parquet": outputs.parquet, "zarr": outputs.zarr}
+    refuse_without((key for key, wanted in asked.items() if wanted), job.path)
 
 
 def refuse_unmeasured(job: Job, read: Read) -> None:
@@ -95,7 +96,8 @@ def write_summary_files(summary: xr.Dataset, job: Job, folder: Path) -> tuple[Pa
     ResultError
         where the folder or the disk refuses a file.
     """
-    return (write_summary(summary, folder), *write_tables(summary, folder, job.config.outputs.xlsx))
+    outputs, path = job.config.outputs, write_summary(summary, folder)
+    return (path, *write_tables(summary, folder, outputs.xlsx, outputs.parquet, outputs.zarr))
 
 
 def records_summary(job: Job, scene: Scene, read: Read, rows: Mapping[str, SuiteRow]) -> xr.Dataset:

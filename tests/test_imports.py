@@ -81,6 +81,8 @@ ONLY_IN = {
     "jinja2": {"visual"},
     "markupsafe": {"visual"},
     "xlsxwriter": {"results"},
+    "pyarrow": {"results"},
+    "zarr": {"results"},
     "dask": {"pipelines"},
     "distributed": {"pipelines"},
     "yaml": {"config"},

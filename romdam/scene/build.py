@@ -81,7 +81,6 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
             facets = select_facets(blocks[support.block], support.face, f"{source}: supports[{k}].face")
             for axis in support.fix:
                 supported[support.block][np.unique(facets), "xyz".index(axis)] = True
-    pressures, forces, probes, still = _on_faces_and_nodes(config, blocks, source, faults)
     fixed = held_by(blocks, supported)
 
     _refuse_joined_twice(config, source)
@@ -94,6 +93,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
     for name, of_joint in config.every_joint.items():
         with faults.gathered():
             joints[name] = build_joint(name, of_joint, blocks, fixed, folder, source, rigid)
+    pressures, forces, probes, still = _on_faces_and_nodes(config, blocks, source, faults)
     faults.raise_together()
     for k, water in enumerate(config.loads.joint_water):
         location = f"{source}: loads.joint_water[{k}]"

@@ -186,6 +186,45 @@ def test_one_record_has_no_summary_and_no_page(tmp_path):
     ]
 
 
+def test_a_summary_as_parquet_and_zarr_is_the_one_in_netcdf(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed")
+    pytest.importorskip("zarr", reason="zarr is not installed")
+    config = plain(tmp_path, outputs=BASE["outputs"] | {"parquet": True, "zarr": True, "plots": False})
+    out, job = tmp_path / "out", romdam.load_config(config)
+    for _ in range(2):  # the second takes the place of the first
+        outcome = romdam.run(job, out)
+    assert {"summary.nc", "summary.parquet", "summary.zarr"} <= {path.name for path in outcome.summary}
+    with xr.open_dataset(out / "summary.nc") as wanted, xr.open_zarr(out / "summary.zarr") as found:
+        assert {*found.variables} == {*wanted.variables} and found.attrs == wanted.attrs
+        for name in wanted.variables:
+            if wanted[name].dtype.kind == "f":
+                assert found[name].values.tobytes() == wanted[name].values.tobytes(), name
+            else:
+                assert found[name].values.tolist() == wanted[name].values.tolist(), name
+            assert found[name].attrs.get("units") == wanted[name].attrs.get("units")
+    rows = parquet.read_table(out / "summary.parquet")
+    with (out / "summary.csv").open(newline="") as file:
+        head, *lines = csv.reader(file)
+    assert rows.column_names == head and rows.num_rows == len(lines)
+    for k, name in enumerate(head):
+        for one, text in zip(rows.column(name).to_pylist(), (line[k] for line in lines), strict=True):
+            same = float(text or "nan") if isinstance(one, int | float) else text
+            assert one == same or (one != one and same != same), name
+    opening = next(field for field in rows.schema if field.name.startswith("peak_opening"))
+    assert opening.metadata[b"units"] == b"m" and b"opening" in opening.metadata[b"long_name"]
+
+
+@pytest.mark.parametrize(("key", "package"), [("parquet", "pyarrow"), ("zarr", "zarr")])
+def test_parquet_and_zarr_without_their_packages_are_refused_before_the_first_run(
+    tmp_path, monkeypatch, key, package
+):
+    config = plain(tmp_path, outputs=BASE["outputs"] | {key: True, "plots": False})
+    monkeypatch.setattr(table, "find_spec", lambda name: None)
+    said = rf"outputs.{key}: needs the package {package}; .* extra `arrays`, or leave the key out"
+    with pytest.raises(ConfigError, match=said):
+        romdam.run(romdam.load_config(config), tmp_path / "out")
+
+
 def test_what_the_end_would_refuse_is_refused_before_the_first_run(tmp_path, monkeypatch):
     config = plain(tmp_path, outputs=BASE["outputs"] | {"xlsx": True, "plots": False})
     monkeypatch.setattr(table, "find_spec", lambda name: None)

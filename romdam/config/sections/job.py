@@ -238,6 +238,10 @@ class OutputsConfig(Model):
     """Figures are drawn beside each result, and the page of several runs."""
     xlsx: bool = False
     """Summary of several runs as a spreadsheet too (needs the extra `xlsx`)."""
+    parquet: bool = False
+    """Table of several runs as a Parquet file too (needs the extra `arrays`)."""
+    zarr: bool = False
+    """Summary of several runs as a Zarr store too (needs the extra `arrays`)."""
     error_estimate: bool = True
     """Estimate of the reduction error in every result."""
     rock: bool = False
