@@ -30,6 +30,7 @@ _START_UP = (
     0.15  # [s] of a part at least: begun from rest amid shaking, joints slip and open as in no later one
 )
 _BUDGET = 1.0  # s of CPU in the integration of the longer parts
+_ENOUGH = 1.0  # s of CPU in the first parts' integration, in which their start counts little: no longer ones
 _LONGER = 3.0  # times as long they are at least, so that the start counts little in what is between
 # s of CPU, from 0.6 to 1.5 times as much by the machine and its other work
 _START = 3.0  # to load libraries and compiled code
@@ -70,9 +71,12 @@ def run_costs(
         costs = _run_parts(job, model, sibling, strongest, short)
         if short < 1.0:
             share = min(1.0, short * max(_LONGER, _BUDGET / max(costs["integration"], 1e-6)))
+            if costs["integration"] > _ENOUGH:
+                share = short
             if share < 1.0:  # in parts within which an estimate goes all the way
                 share = max(short, min(share, _PARTS * WINDOW / whole))
-            costs = of_whole(short, costs, share, _run_parts(job, model, sibling, strongest, share))
+            longer = costs if share == short else _run_parts(job, model, sibling, strongest, share)
+            costs = of_whole(short, costs, share, longer)
             if share < 1.0:
                 costs["estimate"] *= estimated_share(model.system, strongest, whole)
     except recoverable() as error:  # no reason to refuse the job: only these parts begin from rest
@@ -81,7 +85,7 @@ def run_costs(
         )
         return {}
     every = runs * sum(run_seconds(job, motion) for motion in motions) / whole
-    on_both = costs["mesh"] + costs["integration"]
+    on_both = sum(costs[name] for name in ("mesh", "integration") if stated is not None)
     costs = {name: every * seconds for name, seconds in costs.items()}
     if stated is not None:
         costs["mesh"] = stated * on_both

@@ -107,6 +107,10 @@ def test_check_runs_a_part_to_compile_then_all_short_and_longer(config, monkeypa
     assert lengths[:5] == pytest.approx([0.05] * 5, abs=0.011)
     assert lengths[5:] == pytest.approx([0.1] * 4, abs=0.011)
     lengths.clear()
+    monkeypatch.setattr(cost, "_ENOUGH", 0.0)
+    assert romdam.check(config).costs["integration"] > 0.0
+    assert lengths == pytest.approx([0.05] * 5, abs=0.011), "no longer ones where these take long"
+    lengths.clear()
     monkeypatch.setattr(cost, "_START_UP", 0.15)
     assert romdam.check(config).costs["integration"] > 0.0
     assert lengths == pytest.approx([0.59] * 2, abs=0.011)  # four parts of 0.15 s are all of it
