@@ -12,6 +12,7 @@ from romdam.benchmarks.case import Row
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.version import SOURCE, VERSION
+from romdam.postprocess.variant_tables import markdown_table
 from romdam.results.table import write_csv
 
 SUFFIXES = (".csv", ".json", ".md")
@@ -67,13 +68,7 @@ def _json(rows: Sequence[Row]) -> str:
 def _markdown(rows: Sequence[Row]) -> str:
     """The table, and below it the reasons of known differences and the errors."""
     lines = [
-        f"{SOURCE}, `romdam benchmarks`",
-        "",
-        "| case | quantity | unit | romdam | published | difference % | verdict | source |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        cells = (
+        (
             row.case,
             row.quantity,
             row.unit,
@@ -83,6 +78,9 @@ def _markdown(rows: Sequence[Row]) -> str:
             row.verdict,
             f"{row.source} ({row.kind})",
         )
-        lines.append("| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |")
-    notes = dict.fromkeys(f"- {row.case}: {row.note}" for row in rows if row.note)
-    return "\n".join([*lines, *([""] if notes else []), *notes]) + "\n"
+        for row in rows
+    ]
+    head = ("case", "quantity", "unit", "romdam", "published", "difference %", "verdict", "source")
+    notes = "".join(f"{note}\n" for note in dict.fromkeys(f"- {r.case}: {r.note}" for r in rows if r.note))
+    table = markdown_table(head, lines)
+    return f"{SOURCE}, `romdam benchmarks`\n\n{table}" + (f"\n{notes}" if notes else "")

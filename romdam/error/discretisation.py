@@ -31,7 +31,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -65,9 +64,6 @@ _RESOLVED, _UNRESOLVED = 0.15, 0.6
 _ORDERS = (1.3, 3.0)  # that two siblings may show
 _LAST = 1.0  # [s] at the end of a run, over which a slip is averaged that is left
 _AT_REST = 0.05  # of a joint's residual slip: one that slides by more about its mean of _LAST is not at rest
-
-
-QuantityT = TypeVar("QuantityT")
 
 
 @dataclass(frozen=True)
@@ -390,7 +386,8 @@ def _gaps_of_both(judged: MeshRun, better: MeshRun) -> tuple[Ints, Ints, dict[st
 def _sentence(
     errors: Mapping[str, RelativeError], details: Mapping[str, object], about: Mapping[str, object]
 ) -> str:
-    opening, lost = errors["opening"], _words(details["not_resolved"])
+    opening, names = errors["opening"], details["not_resolved"]
+    lost = [_plural(name) for name in names if name != "opening"] if isinstance(names, list) else []
     resolved = [
         f", {_plural(name)} by {percent(errors[name].l2)}"
         for name in (
@@ -434,10 +431,6 @@ def _sentence(
     )
 
 
-def _words(names: object) -> list[str]:
-    return [_plural(name) for name in names if name != "opening"] if isinstance(names, list) else []
-
-
 def _plural(name: str) -> str:
     if name == "response_spectrum":
         return "response spectra"
@@ -459,7 +452,7 @@ def _residual_slips(judged: MeshRun, better: MeshRun) -> tuple[RelativeError | N
     joint slides.
     """
     left, wanted, before = (
-        _each_joint(result, slip)
+        {name: slip(result, gaps) for name, gaps in result.joints.items()}
         for result, slip in ((judged, _mean_slip), (better, _mean_slip), (better, _first_slip))
     )
     size = {name: float(np.linalg.norm(wanted[name] - before[name])) for name in wanted}
@@ -540,7 +533,3 @@ def _normal_forces(history: History, gaps: slice) -> Floats:
     forces = history.mean_traction[:, gaps, NORMAL].copy()
     forces[0] = history.traction[0, gaps, NORMAL] + (history.water[0, gaps] if history.water.size else 0.0)
     return forces
-
-
-def _each_joint(run: MeshRun, quantity: Callable[[MeshRun, slice], QuantityT]) -> dict[str, QuantityT]:
-    return {name: quantity(run, gaps) for name, gaps in run.joints.items()}

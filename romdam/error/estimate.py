@@ -272,7 +272,8 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
     if law.laws:
         has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
         rate, widest = _slip_rate(history, row), history.jump[: row + 1, :, 0].max(axis=0)
-        path = _slip_path(history, row)
+        slips = np.linalg.norm(np.diff(history.jump[: row + 1, :, 1:], axis=0), axis=2)
+        path = (slips * (history.state[1 : row + 1] == SLIP)).sum(axis=0)  # while they slide [m]
         if law.memory.size:  # what a gap lost in the grouting of other joints it has not
             fresh = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
             has_moved |= (law.memory != fresh).any(axis=(0, 2))
@@ -293,9 +294,3 @@ def _slip_rate(history: History, row: int) -> Floats:
         return np.zeros(history.jump.shape[1])
     slip = history.jump[row, :, 1:] - history.jump[row - 1, :, 1:]
     return np.sqrt((slip**2).sum(axis=1)) / (history.time[row] - history.time[row - 1])
-
-
-def _slip_path(history: History, row: int) -> Floats:
-    """Length (ng,) of the slip of all intervals until a row that end with a gap sliding [m]."""
-    slip = np.diff(history.jump[: row + 1, :, 1:], axis=0)
-    return np.asarray((np.sqrt((slip**2).sum(axis=2)) * (history.state[1 : row + 1] == SLIP)).sum(axis=0))

@@ -11,17 +11,16 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from romdam.config.load import Job
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.system import History
 from romdam.core.version import SOURCE
 from romdam.error.comparison import Comparison
+from romdam.postprocess.variant_tables import markdown_table
 
 WANTED_ERRORS = (0.1, 0.05, 0.02, 0.01, 0.005)  # for which the cheapest setting is named
 _NO_CASE = -1  # number of the cheapest setting where none keeps an error
@@ -160,10 +159,10 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
     columns |= {"of_job": columns["of_job"].astype(np.int8), "setting": np.array([c.words for c in cases])}
     error, total = columns["l2_error"], columns["model_cpu_seconds"] + columns["cpu_seconds"]
     columns |= {"total_cpu_seconds": total, "on_front": pareto_front(total, error).astype(np.int8)}
-    variables = {
-        name: xr.Variable(("case",), values, {"long_name": _LONG_NAMES[name]} | _units(name, values))
-        for name, values in columns.items()
-    }
+    variables = {}
+    for name, values in columns.items():
+        units = {} if values.dtype.kind == "U" else {"units": _UNITS.get(name, "1")}
+        variables[name] = xr.Variable(("case",), values, {"long_name": _LONG_NAMES[name]} | units)
     wanted = np.array(WANTED_ERRORS)
     cheapest = {
         "long_name": f"number of the cheapest case that keeps the error; {_NO_CASE}: none does",
@@ -191,10 +190,6 @@ def study_dataset(cases: list[CaseResult], job: Job, about: dict[str, object]) -
             **about,
         },
     )
-
-
-def _units(name: str, values: NDArray[Any]) -> dict[str, str]:
-    return {} if values.dtype.kind == "U" else {"units": _UNITS.get(name, "1")}
 
 
 def pareto_front(cost: Floats, error: Floats) -> Bools:
@@ -250,13 +245,7 @@ def study_table(dataset: xr.Dataset) -> str:
     attrs = dataset.attrs
     head = f"{attrs['title']}\n{attrs['compared']}\n{attrs['machine']}; {SOURCE}\n"
     head += f"CPU s: scene, reduction and time loop ({attrs['timed_seconds']:g} s), what one record costs\n\n"
-    return head + _markdown(rows) + "\n" + _markdown(short)
-
-
-def _markdown(rows: list[list[str]]) -> str:
-    """A table whose first row has the headings."""
-    rows = [rows[0], ["---"] * len(rows[0]), *rows[1:]]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+    return f"{head}{markdown_table(rows[0], rows[1:])}\n{markdown_table(short[0], short[1:])}"
 
 
 def _cells(dataset: xr.Dataset, i: int) -> list[str]:

@@ -78,18 +78,14 @@ def _row(
 ) -> tuple[object, ...]:
     """Values that are stated of one quantity, in the order of `_VARIABLES`."""
     pair, opens = (_at(first, places, time), _at(second, places, time)), places[0][0] != "node"
-    reference = None if opens else _at(second, _directions(second, places[0]), time)
+    node = places[0][:2]  # all components of its displacement are the size that one is measured by
+    reference = None if opens else _at(second, [key for key in second.series if key[:2] == node], time)
     error = opening_error(*pair) if reference is None else magnitude_error(*pair, reference)
     widest = [values.max(axis=1) for values in pair]
     peaks = [float((values if opens else np.abs(values)).max()) for values in pair]
     rests = reference is not None and min(peaks) < _REST * np.abs(reference).max()
     late = float("nan") if rests else phase(*pair, float(time[1] - time[0]))
     return widest, peaks, len(places), error.l2, error.peak, late
-
-
-def _directions(histories: ComparedHistories, key: HistoryKey) -> list[HistoryKey]:
-    """Every component of the displacement of a place's node."""
-    return [other for other in histories.series if other[:2] == key[:2]]
 
 
 def phase(first: Floats, second: Floats, interval: float) -> float:

@@ -20,20 +20,6 @@ _ROWS = 2048  # of a product at a time
 MOST = 400  # iterations; 30 to 60 are usual with one cycle of multigrid, 3 with factors in single precision
 
 
-class Preconditioned(Protocol):
-    """A solver that iterates, and whose approximate inverse serves others too."""
-
-    size: int
-
-    def solve(self, right: Floats) -> Floats:
-        """Solve for one (n,) or several (n, k) right-hand sides."""
-        ...
-
-    def precondition(self, right: Floats) -> Floats:
-        """The approximate inverse times (n, k)."""
-        ...
-
-
 class Operator(Protocol):
     """A matrix as far as it is multiplied with (n, k)."""
 

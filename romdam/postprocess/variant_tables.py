@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,11 +141,17 @@ def markdown(tables: list[VariantTable]) -> str:
     """Tables as Markdown, numbers with four digits."""
     texts = []
     for table in tables:
-        rows = [table.head, ("---",) * len(table.head), *table.rows]
-        lines = ("| " + " | ".join(shown_cell(cell) for cell in row) + " |" for row in rows)
         note = f"{table.note}\n\n" if table.note else ""
-        texts.append(f"## {table.title}\n\n{note}" + "\n".join(lines) + "\n")
+        rows = [[shown_cell(cell) for cell in row] for row in table.rows]
+        texts.append(f"## {table.title}\n\n{note}{markdown_table(table.head, rows)}")
     return "\n".join(texts)
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown, whose cells may hold any text."""
+    lines = [head, ("---",) * len(head), *rows]
+    cells = ((cell.replace("|", "\\|").replace("\n", " ") for cell in line) for line in lines)
+    return "".join("| " + " | ".join(line) + " |\n" for line in cells)
 
 
 def shown_cell(cell: str | int | float) -> str:
