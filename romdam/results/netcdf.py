@@ -35,7 +35,7 @@ class NetCDFFile(h5netcdf.File):  # type: ignore[misc]
 
 
 class _RememberingFile(h5py.File):  # type: ignore[misc]
-    """An HDF5 file that looks up each object of its root group once."""
+    """An HDF5 file that looks up each of its objects once, those in groups too."""
 
     def __init__(self, source: Any, mode: str, **options: Any) -> None:
         self._objects: dict[str, Any] = {}
@@ -46,21 +46,39 @@ class _RememberingFile(h5py.File):  # type: ignore[misc]
         key = name.strip("/") if isinstance(name, str) else ""
         if name == "/":  # what is deleted from the root group is forgotten
             return self
-        if not key or "/" in key:
+        if not key:
             return super().__getitem__(name)
         if key not in self._objects:
-            self._objects[key] = super().__getitem__(name)
+            found = super().__getitem__(name)
+            self._objects[key] = _RememberedGroup(found.id, self) if isinstance(found, h5py.Group) else found
         return self._objects[key]
 
     def __delitem__(self, name: str) -> None:
         """Delete an object."""
-        self._objects.pop(name.strip("/"), None)
+        self.forget(name)
         super().__delitem__(name)
+
+    def forget(self, path: str) -> None:
+        """Look an object up again when it is asked for next."""
+        self._objects.pop(path.strip("/"), None)
 
     def close(self) -> None:
         """Close the file."""
         self._objects.clear()
         super().close()
+
+
+class _RememberedGroup(h5py.Group):  # type: ignore[misc]
+    """A group of such a file, which forgets what is deleted from it."""
+
+    def __init__(self, bind: Any, file: _RememberingFile) -> None:
+        super().__init__(bind)
+        self._forget = file.forget
+
+    def __delitem__(self, name: str) -> None:
+        """Delete an object."""
+        self._forget(f"{self.name}/{name}")
+        super().__delitem__(name)
 
 
 def write_netcdf(dataset: xr.Dataset, file: NetCDFFile, encoding: dict[Any, dict[str, Any]]) -> None:

@@ -26,6 +26,7 @@ from romdam.geometry.matrices.files import FileMatrices, read_matrices
 from romdam.geometry.matrices.hdf5 import write_matrix, write_unknowns
 from romdam.geometry.meshes.files import MeshFiles
 from romdam.pipelines.modes import ModesOptions
+from romdam.visual import mode_views
 
 DATA = Path(__file__).parent / "data" / "calculix"
 PLACE = "job.yaml: blocks.right.matrices"
@@ -219,8 +220,9 @@ def test_every_format_gives_the_same_matrices(form, tmp_path):
 
 
 @pytest.mark.parametrize("form", WRITERS)
-def test_frequencies_of_every_format_are_scipys(form, tmp_path):
+def test_frequencies_of_every_format_are_scipys(form, tmp_path, monkeypatch):
     """A job of the files, one block on springs of its own supports: the lowest five to 1e-9."""
+    monkeypatch.setattr(mode_views, "draw_modes", lambda scene, dataset, path: path)
     K, M, unknowns = of_mesh()
     keys = WRITERS[form](tmp_path, K, M, unknowns)
     shutil.copy(DATA / "right.inp", tmp_path / "right.inp")

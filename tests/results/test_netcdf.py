@@ -110,6 +110,12 @@ def test_no_object_is_looked_up_twice(dataset, tmp_path, monkeypatch):
         ours.load()
     names = [name.strip("/") for name in looked_up if isinstance(name, str)]
     assert {*dataset.variables} <= {*names} and len(names) == len({*names})
+    looked_up.clear()
+    with netcdf_file(io.BytesIO(), "w") as file:
+        write_netcdf(dataset, file, {})
+        add_group(file)
+    of_group = [name for name in looked_up if isinstance(name, str) and "moved" in name]
+    assert len(of_group) == 1, "those in a group neither, while they are written"
 
 
 def test_what_is_no_hdf5_is_an_error_and_no_more(tmp_path, capsys):
