@@ -10,12 +10,16 @@ coordinates (`romdam.effects.attachments`). What makes them of a configuration i
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.arrays import Floats, Ints
+
+
+def _none() -> Floats:
+    return np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,9 @@ class Attachment:
     effect : its name in `romdam.config.effects.EFFECTS`
     name : of the one, unique within its effect
     rows : block name -> (k, 3 nodes) sparse, e of its displacement
-    stiffness, damping, mass : (k,) each [N/m], [N s/m], [kg]
+    stiffness, damping, mass : (k,) each, zero where they are not given [N/m], [N s/m], [kg]
     tension : (k,) static force at e = 0, which pulls e back [N]
-    weight : (k,) static force along e, which acts with the weight of the blocks [N]
+    weight : (k,) static force along e that gravity makes, and that acts with the weight of the blocks [N]
     limits : (least, largest) force tension + stiffness e + damping e' beyond which it would not be what it
         is, such as 0 of a tendon, which is told [N]
     key : of the configuration, for messages
@@ -40,13 +44,19 @@ class Attachment:
     effect: str
     name: str
     rows: Mapping[str, csr_matrix]
-    stiffness: Floats
-    damping: Floats
-    mass: Floats
-    tension: Floats
-    weight: Floats
+    stiffness: Floats = field(default_factory=_none)
+    damping: Floats = field(default_factory=_none)
+    mass: Floats = field(default_factory=_none)
+    tension: Floats = field(default_factory=_none)
+    weight: Floats = field(default_factory=_none)
     limits: tuple[float, float] = (-np.inf, np.inf)
     key: str = ""
+
+    def __post_init__(self) -> None:
+        count = next(iter(self.rows.values())).shape[0]
+        for name in ("stiffness", "damping", "mass", "tension", "weight"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(count))
 
     def __len__(self) -> int:
         return len(self.stiffness)

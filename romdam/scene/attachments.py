@@ -35,11 +35,31 @@ class AttachmentPlaces:
     gravity: Floats
     source: str
 
-    def along(self, point: PointConfig, direction: Floats, key: str) -> csr_matrix:
-        """(r, 3 nodes) displacement of a point of its block along directions (r, 3)."""
+    def along(self, point: PointConfig, directions: Floats, key: str) -> dict[str, csr_matrix]:
+        """Rows (r, 3 nodes) of a point's block that give its displacement along unit vectors (r, 3).
+
+        Parameters
+        ----------
+        key : of the configuration, for messages
+        """
         block = self.blocks[point.block]
         nodes, weights = point_weights(block, point.at, point.tolerance, f"{self.source}: {key}")
-        return rows_of(block, nodes, weights, direction)
+        return {point.block: rows_of(block, nodes, weights, directions)}
+
+    def apart(
+        self, head: PointConfig, foot: PointConfig | None, direction: Floats, key: str
+    ) -> dict[str, csr_matrix]:
+        """Rows (1, 3 nodes) by which `head` goes away from `foot` along a unit vector (3,).
+
+        Both points may be of one block. Without a foot the other end moves with the base.
+        """
+        rows = self.along(head, direction[None], f"{key}.head")
+        for name, of_foot in (
+            {} if foot is None else self.along(foot, direction[None], f"{key}.foot")
+        ).items():
+            rows[name] = rows[name] - of_foot if name in rows else -of_foot
+        self.refuse_held(rows, key)
+        return rows
 
     def refuse_held(self, rows: Mapping[str, csr_matrix], key: str) -> None:
         """Refuse what supports hold wholly, so that it would do nothing.
@@ -96,22 +116,12 @@ def _anchor(name: str, anchor: AnchorConfig, places: AttachmentPlaces) -> Attach
             f"{places.source}: {key}: its ends are {length:.3g} m apart, limit more than the tolerance of "
             f"{anchor.head.tolerance:g} m, so that it has a direction; name two places"
         )
-    direction = (axis / length)[None]
-    rows = {anchor.head.block: places.along(anchor.head, direction, f"{key}.head")}
-    if isinstance(foot, PointConfig):
-        of_foot = -places.along(foot, direction, f"{key}.foot")
-        rows[foot.block] = rows[foot.block] + of_foot if foot.block in rows else of_foot
-    places.refuse_held(rows, key)
-    none = np.zeros(1)
     return Attachment(
         effect="anchors",
         name=name,
-        rows=rows,
+        rows=places.apart(anchor.head, foot if isinstance(foot, PointConfig) else None, axis / length, key),
         stiffness=np.array([anchor.stiffness_over(length)]),
-        damping=none,
-        mass=none,
         tension=np.array([(1.0 - anchor.loss) * anchor.pretension]),
-        weight=none,
         limits=(0.0 if anchor.pretension else -np.inf, anchor.strength or np.inf),
         key=key,
     )
@@ -124,7 +134,7 @@ def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
         key, block = f"masses.{name}", places.blocks[lumped.block]
         if lumped.at is not None:
             point = PointConfig(block=lumped.block, at=lumped.at, tolerance=lumped.tolerance)
-            rows = {lumped.block: places.along(point, np.eye(3), f"{key}.at")}
+            rows = places.along(point, np.eye(3), f"{key}.at")
         else:
             assert lumped.face is not None
             facets = select_facets(block, lumped.face, f"{places.source}: {key}.face")
@@ -137,16 +147,12 @@ def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
                 "inertia that this one's could be added to; name another block, or leave out `mass: false`"
             )
         places.refuse_held(rows, key)
-        none = np.zeros(3)
         made.append(
             Attachment(
                 effect="masses",
                 name=name,
                 rows=rows,
-                stiffness=none,
-                damping=none,
                 mass=np.full(3, lumped.mass),
-                tension=none,
                 weight=lumped.mass * places.gravity,
                 key=key,
             )
