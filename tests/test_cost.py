@@ -132,6 +132,7 @@ def test_costs_are_those_of_every_run_of_every_record(monkeypatch):
         stress: object = None
         scene: object = None
         reduced: object = None
+        reduced_at_rest: object = None
         prepared: object = None
         system: object = None
 

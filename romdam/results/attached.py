@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from romdam.config.effects import EFFECTS
 from romdam.core.arrays import Ints
@@ -62,32 +60,6 @@ def force_variables(effect: str, dim: str) -> tuple[dict[str, Variable], dict[st
 _MADE = [force_variables(name, entry.records) for name, entry in EFFECTS.items() if entry.records]
 ATTACHED_COORDINATES: dict[str, Variable] = {k: v for made, _ in _MADE for k, v in made.items()}
 ATTACHED_VARIABLES: dict[str, Variable] = {k: v for _, made in _MADE for k, v in made.items()}
-
-
-class AttachedForce(NamedTuple):
-    """Force of an attachment over a run: at rest, least and largest, tension positive [N]."""
-
-    of: str
-    name: str
-    rest: float
-    least: float
-    largest: float
-
-
-def attached_forces(dataset: xr.Dataset) -> list[AttachedForce]:
-    """The forces of all attachments of a result, effect after effect."""
-    dims = [entry.records for entry in EFFECTS.values() if f"{entry.records}_force_least" in dataset]
-    return [
-        AttachedForce(
-            dim,
-            str(name),
-            float(dataset[f"{dim}_force"][0, k]),
-            float(dataset[f"{dim}_force_least"][k]),
-            float(dataset[f"{dim}_force_largest"][k]),
-        )
-        for dim in dims
-        for k, name in enumerate(dataset[dim].values)
-    ]
 
 
 def attached_warnings(case: Case) -> list[str]:

@@ -75,7 +75,7 @@ def sliding_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
 
 def attached_tables(results: Mapping[str, xr.Dataset]) -> list[Table]:
     """Forces of anchors and what else is attached, a row for each record and one; none without any."""
-    from romdam.results.attached import attached_forces
+    from romdam.postprocess.attached import attached_forces
 
     table = _table("Attached", ("record", "of", "name"), ("at rest [kN]", "least [kN]", "largest [kN]"))
     for record, dataset in results.items():

@@ -24,11 +24,11 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Scene
 from romdam.effects.full_order import assemble_full
 from romdam.geometry.elements import ELEMENTS
+from romdam.postprocess.attached import attached_forces
 from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.refinement import embedding
 from romdam.reduction.synthesis import reduce_scene, reduce_scene_twice
-from romdam.results.attached import attached_forces
 from romdam.scene.build import build_scene
 from romdam.scene.points import point_weights
 from romdam.terminal.tables import attached_tables

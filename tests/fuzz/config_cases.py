@@ -439,6 +439,32 @@ def _total() -> dict[str, Any]:
     raw["records"].append({"file": "pulse.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}} | again)
     return raw | {
         "joints": {"gap": {"between": ["left", "right"], "normal_stiffness": "16 GPa/m"}},
+        "anchors": {
+            "bar": {
+                "head": {"block": "left", "at": [2.5, -2.5, 20], "tolerance": "1 cm"},
+                "foot": {"block": "right", "at": [2.5, 2.5, 10]},
+                "E": "195 GPa",
+                "area": "30 cm2",
+                "free_length": "9 m",
+                "strength": "4 MN",
+            },
+            "tendon": {
+                "head": {"block": "right", "at": [2.5, 2.5, 20]},
+                "foot": [2.5, 2.5, -8],
+                "stiffness": "40 MN/m",
+                "pretension": "1 MN",
+                "loss": "12 %",
+            },
+        },
+        "masses": {
+            "gate": {"block": "right", "face": "ymax", "mass": "80 t"},
+            "hoist": {"block": "left", "at": [2.5, -2.5, 20], "mass": "20 t", "tolerance": "1 cm"},
+        },
+        "combinations": {
+            "usual": {"required_factor": 2.0, "changes": {"joints.gap.friction": 0.5}},
+            "quake": {"situation": "earthquake", "largest_slip": "10 mm", "joints": ["gap"]},
+            "after": {"situation": "after", "after": "quake", "tension": "2 MPa"},
+        },
         "model": {"modes": "auto"},
         "transient": {"accuracy": {"total": "50 %", "of": "opening"}},
         "outputs": {"plots": False},

@@ -73,6 +73,6 @@ def test_keys_of_a_part():
     )
     keys = basis_keys(FreeInterface(), substructure(built, "left+right"), ModeChoice(cutoff=9.0))
     assert keys == {
-        "left": "c7c77929c59f50cec435b781a86a36ec80baeb36f0772f130ff7f97ca457b56f",
-        "right": "89b0d8271d1562b45ed994e9fe6a1f49cc166287d2ac6629873156baec545132",
+        "left": "90018ddae473a774f789b8745ad96c81aa25868c48c21dab96c797379d04b201",
+        "right": "9e7a7dcaa2bc463424db567f42e99f3006ded1b58f8f74d42c9c84080d3adca3",
     }

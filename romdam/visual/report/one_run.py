@@ -16,6 +16,7 @@ from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.core.version import SOURCE
+from romdam.postprocess.attached import attached_forces
 from romdam.postprocess.checks import NOT_JUDGED, run_checks
 from romdam.postprocess.maxima import (
     explained,
@@ -31,7 +32,6 @@ from romdam.postprocess.responses import PARAMETER
 from romdam.postprocess.sliding import least_factor, sliding
 from romdam.postprocess.stated_errors import total_text
 from romdam.postprocess.stress.faces import HEADLINE, verdict
-from romdam.results.attached import attached_forces
 from romdam.visual.plots import FIGURES
 from romdam.visual.report.parts import (
     Code,
