@@ -440,7 +440,8 @@ def job(tmp_path: Path, **sections: Any) -> Path:
 def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
     """Forces at every row, their peaks, warnings of both limits, and a balance that holds with them."""
     slack = RIGHT | {"pretension": 1e3, "strength": 4e4}
-    path = job(tmp_path, anchors={"A": RIGHT | {"pretension": "2 MN"}, "B": slack})
+    weak = RIGHT | {"pretension": "2 MN", "strength": "1.9 MN"}
+    path = job(tmp_path, anchors={"A": weak, "B": slack})
     result = romdam.run(path, tmp_path / "out").results[0].path
     data = xr.load_dataset(result)
     assert data.anchor.values.tolist() == ["A", "B"] and data.anchor_force.dims == ("time", "anchor")
@@ -449,7 +450,12 @@ def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
     assert (data.anchor_force_largest.values >= force.max(axis=0)).all()
     np.testing.assert_allclose(np.diff(force, axis=1), 1e3 - 2e6)  # springs alike
     said = " ".join(json.loads(data.attrs["run_warnings"]))
-    assert "anchors.B goes slack: its force falls to" in said and "anchors.A" not in said
+    assert "anchors.B goes slack: its force falls to" in said and "anchors.A goes slack" not in said
+    assert (
+        "anchors.A is loaded above its strength: its force reaches 1996 kN" in said
+        and "limit 1900 kN" in said
+    )
+    assert "anchors.B is loaded" not in said
     assert data.imbalance_at_rest.values.max() < 1e-9
     rows = attached_forces(data)
     assert [(one.of, one.name) for one in rows] == [("anchor", "A"), ("anchor", "B")]
@@ -513,6 +519,15 @@ def test_what_is_wrong_is_refused_with_its_key(tmp_path, sections, message):
     with pytest.raises(ConfigError, match=message):
         loaded = romdam.load_config(job(tmp_path, **sections))
         build_scene(loaded.config, tmp_path, "s.yaml")
+
+
+def test_a_bar_stretches_over_its_free_length_or_the_distance_of_its_ends(tmp_path):
+    """E A / L: of 30 m between the ends, and of 12 m that are free."""
+    bar = {"head": RIGHT["head"], "foot": RIGHT["foot"], "E": "200 GPa", "area": "15 cm2"}
+    raw = yaml.safe_load(job(tmp_path, anchors={"whole": bar, "free": bar | {"free_length": 12}}).read_text())
+    made = {one.name: one.stiffness[0] for one in scene_of(raw).attachments}
+    assert made["whole"] == pytest.approx(200e9 * 15e-4 / 30.0)
+    assert made["free"] == pytest.approx(200e9 * 15e-4 / 12.0)
 
 
 def test_exports_refuse_what_they_cannot_write(tmp_path):

@@ -1,7 +1,9 @@
 """`romdam combinations`: a gravity dam in four combinations, its factors by hand."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from test_cli import call
 import romdam
 from romdam.core.errors import ConfigError
 from romdam.pipelines.combinations import assess_combinations
+from romdam.postprocess import combinations
 
 G, RHO, WIDTH, BASE, HEIGHT = 9.81, 2400.0, 10.0, 24.0, 30.0
 MU, COHESION = 0.9, 2e5
@@ -124,6 +127,26 @@ def test_factors_of_four_combinations_by_hand(folder: Path):
     ]
     page = (folder / "out" / "dam-combinations.html").read_text()
     assert all(name in page for name in COMBINATIONS) and "joints.base.friction" in page
+
+
+def test_margins_in_an_earthquake_are_of_the_joints_asked_for_and_of_the_largest_slip(monkeypatch):
+    """The largest of a gap, not the mean of the joint; nothing of joints that are not named."""
+    joints = [
+        SimpleNamespace(joint=name, factor=factor, largest_slip=most, residual_slip=0.5 * most)
+        for name, factor, most in (("base", 1.2, 0.03), ("lift", 0.8, 0.09))
+    ]
+    monkeypatch.setattr(combinations, "sliding", lambda dataset: joints)
+    dataset: Any = None
+    asked = combinations.Requirement("quake", "earthquake", 1.0, 0.06, None, None)
+    rows = [(one.of, one.value, one.margin, one.verdict) for one in asked.shaken(dataset, "r")]
+    assert rows == [
+        ("base", 1.2, 1.2, "satisfied"),
+        ("base", 30.0, 2.0, "satisfied"),
+        ("lift", 0.8, 0.8, "not satisfied"),
+        ("lift", 90.0, pytest.approx(60.0 / 90.0), "not satisfied"),
+    ]
+    of_base = replace(asked, joints=("base",)).shaken(dataset, "r")
+    assert [one.of for one in of_base] == ["base", "base"]
 
 
 def test_the_command_ends_with_1_where_a_margin_is_not_met(folder: Path):
