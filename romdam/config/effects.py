@@ -110,6 +110,14 @@ EFFECTS = {
         records="anchor",
         varies=("pretension", "loss", "stiffness", "area"),
     ),
+    "dampers": _known(
+        "dampers",
+        lambda config: bool(config.dampers),
+        coupled=True,
+        written=False,
+        records="damper",
+        varies=("damping",),
+    ),
     "masses": _known(
         "masses", lambda config: bool(config.masses), linear=True, written=False, varies=("mass",)
     ),

@@ -102,10 +102,11 @@ class Config(Sections):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for i, history in enumerate(self.loads.force_history):
             self._known(f"loads.force_history[{i}].block", history.block, blocks)
-        for name, anchor in self.anchors.items():
-            self._known(f"anchors.{name}.head.block", anchor.head.block, blocks)
-            if isinstance(anchor.foot, PointConfig):
-                self._known(f"anchors.{name}.foot.block", anchor.foot.block, blocks)
+        for section, between in (("anchors", self.anchors), ("dampers", self.dampers)):
+            for name, one in between.items():
+                self._known(f"{section}.{name}.head.block", one.head.block, blocks)
+                if isinstance(one.foot, PointConfig):
+                    self._known(f"{section}.{name}.foot.block", one.foot.block, blocks)
         for name, lumped in self.masses.items():
             self._known(f"masses.{name}.block", lumped.block, blocks)
         for joint_name in (self.post_earthquake.joints if self.post_earthquake else None) or ():

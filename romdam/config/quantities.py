@@ -46,6 +46,7 @@ _MOST = {  # largest magnitude of each SI unit that anything of a dam can have; 
     "N/m": 1e20,
     "N/m^3": 1e20,
     "N*s/m^3": 1e20,
+    "N*s/m": 1e20,
     "m/s": 1e6,
     "m^2/s": 1.0,
     "m^2": 1e4,
@@ -67,10 +68,11 @@ _SUGGESTED = {  # units that a mistyped one is compared with, of each SI unit
     "m/s^2": ("g", "m/s2", "cm/s2"),
     "N/m^3": ("GPa/m", "MPa/m", "N/m3"),
     "N/m": ("GN/m", "MN/m", "kN/m", "N/m"),
+    "N*s/m": ("MN*s/m", "kN*s/m", "N*s/m"),
     "m^2": ("m2", "cm2", "mm2"),
     "byte": ("GB", "MB"),
 }
-_SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3"}  # else pint's way without its ^
+_SPELT = {"delta_degC": "K", "N*s/m^3": "N s/m3", "N*s/m": "N s/m"}  # else pint's way without its ^
 # as pint defines them; without names that would be others than to pint: "rads" is none of "rad", "kt" of "t"
 _COMMON = """
 nano- = 1e-9 = n-
@@ -340,6 +342,7 @@ Density = Annotated[float, _si("kg/m^3")]
 Mass = Annotated[float, _si("kg")]
 Force = Annotated[float, _si("N")]
 SpringStiffness = Annotated[float, _si("N/m")]
+DashpotDamping = Annotated[float, _si("N*s/m")]
 Area = Annotated[float, _si("m^2")]
 Acceleration = Annotated[float, _si("m/s^2")]
 GroundAcceleration = Annotated[  # of records, spectra and codes: commonly in g, so written with its unit

@@ -1,4 +1,4 @@
-"""What a configuration attaches to the blocks of a scene: anchors and masses."""
+"""What a configuration attaches to the blocks of a scene: anchors, dampers and masses."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.config.job import Config
-from romdam.config.sections.attachments import AnchorConfig, PointConfig
+from romdam.config.sections.attachments import AnchorConfig, DamperConfig, Place, PointConfig
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.attachment import Attachment
 from romdam.core.errors import ConfigError
@@ -61,6 +61,24 @@ class AttachmentPlaces:
         self.refuse_held(rows, key)
         return rows
 
+    def distance(self, head: PointConfig, foot: Place, key: str) -> tuple[dict[str, csr_matrix], float]:
+        """Rows (1, 3 nodes) by which the distance of two points grows, and that distance [m].
+
+        Raises
+        ------
+        ConfigError
+            for points so close that they have no direction.
+        """
+        of_block = foot if isinstance(foot, PointConfig) else None
+        axis = np.subtract(head.at, foot if of_block is None else of_block.at)
+        length = float(np.linalg.norm(axis))
+        if length <= head.tolerance:
+            raise ConfigError(
+                f"{self.source}: {key}: its ends are {length:.3g} m apart, limit more than the tolerance of "
+                f"{head.tolerance:g} m, so that it has a direction; name two places"
+            )
+        return self.apart(head, of_block, axis / length, key), length
+
     def refuse_held(self, rows: Mapping[str, csr_matrix], key: str) -> None:
         """Refuse what supports hold wholly, so that it would do nothing.
 
@@ -107,24 +125,28 @@ def _anchors(config: Config, places: AttachmentPlaces) -> list[Attachment]:
 
 def _anchor(name: str, anchor: AnchorConfig, places: AttachmentPlaces) -> Attachment:
     """Its elongation: how far its ends go apart along its axis."""
-    key, foot = f"anchors.{name}", anchor.foot
-    ends = np.array([anchor.head.at, foot.at if isinstance(foot, PointConfig) else foot])
-    axis = ends[0] - ends[1]
-    length = float(np.linalg.norm(axis))
-    if length <= anchor.head.tolerance:
-        raise ConfigError(
-            f"{places.source}: {key}: its ends are {length:.3g} m apart, limit more than the tolerance of "
-            f"{anchor.head.tolerance:g} m, so that it has a direction; name two places"
-        )
+    key = f"anchors.{name}"
+    rows, length = places.distance(anchor.head, anchor.foot, key)
     return Attachment(
         effect="anchors",
         name=name,
-        rows=places.apart(anchor.head, foot if isinstance(foot, PointConfig) else None, axis / length, key),
+        rows=rows,
         stiffness=np.array([anchor.stiffness_over(length)]),
         tension=np.array([(1.0 - anchor.loss) * anchor.pretension]),
         limits=(0.0 if anchor.pretension else -np.inf, anchor.strength or np.inf),
         key=key,
     )
+
+
+def _dampers(config: Config, places: AttachmentPlaces) -> list[Attachment]:
+    return [_damper(name, damper, places) for name, damper in config.dampers.items()]
+
+
+def _damper(name: str, damper: DamperConfig, places: AttachmentPlaces) -> Attachment:
+    """A dashpot on the distance of its ends."""
+    key = f"dampers.{name}"
+    rows, _ = places.distance(damper.head, damper.foot, key)
+    return Attachment("dampers", name, rows, damping=np.array([damper.damping]), key=key)
 
 
 def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
@@ -160,4 +182,4 @@ def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
     return made
 
 
-BUILDERS: dict[str, Builder] = {"anchors": _anchors, "masses": _masses}
+BUILDERS: dict[str, Builder] = {"anchors": _anchors, "dampers": _dampers, "masses": _masses}

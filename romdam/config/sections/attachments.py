@@ -1,4 +1,4 @@
-"""What is attached to blocks: anchors between two points, and masses of gates, piers and equipment."""
+"""What is attached to blocks: anchors and dampers between two points, and masses of gates and equipment."""
 
 from __future__ import annotations
 
@@ -7,7 +7,16 @@ from typing import Annotated, Self
 from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
-from romdam.config.quantities import Area, Dimensionless, Force, Length, Mass, Pressure, SpringStiffness
+from romdam.config.quantities import (
+    Area,
+    DashpotDamping,
+    Dimensionless,
+    Force,
+    Length,
+    Mass,
+    Pressure,
+    SpringStiffness,
+)
 from romdam.config.sections.places import FaceRef, Tolerance, Vector
 
 Positive = Field(gt=0.0)
@@ -77,6 +86,20 @@ class AnchorConfig(Model):
             return self.stiffness
         assert self.E is not None and self.area is not None
         return self.E * self.area / (self.free_length or length)
+
+
+class DamperConfig(Model):
+    """A linear viscous damper between two points.
+
+    Its force is damping times the rate at which the distance of its ends grows, so it has none at rest.
+    """
+
+    head: PointConfig
+    """Point of a block."""
+    foot: Place
+    """Other end: a point of a block, or a place that moves with the base."""
+    damping: Annotated[DashpotDamping, Positive]
+    """Force for one metre per second along its axis."""
 
 
 class MassConfig(Model):

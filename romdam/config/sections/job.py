@@ -20,7 +20,7 @@ from romdam.config.quantities import (
     Pressure,
     Time,
 )
-from romdam.config.sections.attachments import AnchorConfig, MassConfig
+from romdam.config.sections.attachments import AnchorConfig, DamperConfig, MassConfig
 from romdam.config.sections.combinations import CombinationConfig
 from romdam.config.sections.comparison import ComparisonConfig
 from romdam.config.sections.construction import ConstructionStageConfig
@@ -271,6 +271,8 @@ class Sections(Model):
     loads: LoadsConfig = LoadsConfig()
     anchors: dict[Name, AnchorConfig] = Field(default_factory=dict)
     """Bars and tendons between two points."""
+    dampers: dict[Name, DamperConfig] = Field(default_factory=dict)
+    """Viscous dampers between two points."""
     masses: dict[Name, MassConfig] = Field(default_factory=dict)
     """Masses of gates, piers and equipment on blocks."""
     construction: tuple[ConstructionStageConfig, ...] = ()
