@@ -102,11 +102,12 @@ class Config(Sections):
             self._known(f"loads.force[{i}].block", force.block, blocks)
         for i, history in enumerate(self.loads.force_history):
             self._known(f"loads.force_history[{i}].block", history.block, blocks)
-        for section, between in (("anchors", self.anchors), ("dampers", self.dampers)):
-            for name, one in between.items():
-                self._known(f"{section}.{name}.head.block", one.head.block, blocks)
-                if isinstance(one.foot, PointConfig):
-                    self._known(f"{section}.{name}.foot.block", one.foot.block, blocks)
+        ends = [(f"anchors.{name}", anchor.head, anchor.foot) for name, anchor in self.anchors.items()]
+        ends += [(f"dampers.{name}", damper.head, damper.foot) for name, damper in self.dampers.items()]
+        for key, head, foot in ends:
+            self._known(f"{key}.head.block", head.block, blocks)
+            if isinstance(foot, PointConfig):
+                self._known(f"{key}.foot.block", foot.block, blocks)
         for name, lumped in self.masses.items():
             self._known(f"masses.{name}.block", lumped.block, blocks)
         for joint_name in (self.post_earthquake.joints if self.post_earthquake else None) or ():

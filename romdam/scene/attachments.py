@@ -70,7 +70,7 @@ class AttachmentPlaces:
             for points so close that they have no direction.
         """
         of_block = foot if isinstance(foot, PointConfig) else None
-        axis = np.subtract(head.at, foot if of_block is None else of_block.at)
+        axis = np.array(head.at) - np.array(foot.at if isinstance(foot, PointConfig) else foot)
         length = float(np.linalg.norm(axis))
         if length <= head.tolerance:
             raise ConfigError(
