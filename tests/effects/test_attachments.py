@@ -50,6 +50,7 @@ BAR = {
     "outputs": {"nodes": {"end": {"block": "bar", "at": [L, 0, 0]}}},
 }
 LONE = DampingConfig()
+IMPEDANCE = AREA * np.sqrt(E * RHO)  # of the bar along its axis [N s/m]
 
 
 def scene_of(raw: dict[str, Any]) -> Scene:
@@ -118,16 +119,31 @@ def test_bar_with_an_anchor_at_its_end_under_its_weight(stiffness):
     assert abs(modes.freq[modes.motion[:, 0] > 0.99][0] / exact - 1.0) < 2e-3  # hex8
 
 
+def with_end_face_dashpot() -> Scene:
+    return replace(scene_of(BAR), attachments=(end_face_dashpot(scene_of(BAR), IMPEDANCE),))
+
+
+def with_damper(foot: float) -> Scene:
+    """From the middle of the end, the mean of four nodes, along the bar to a place of the base."""
+    raw = json.loads(json.dumps(BAR))
+    raw["blocks"]["bar"]["box"] |= {"element": "hex8", "element_size": [1, 2, 2]}
+    ends = {"head": {"block": "bar", "at": [L, 1, 1]}, "foot": [foot, 1, 1]}
+    return scene_of(raw | {"dampers": {"end": ends | {"damping": IMPEDANCE}}})
+
+
+@pytest.mark.parametrize(
+    "made_scene",
+    [with_end_face_dashpot, lambda: with_damper(L + 3.0), lambda: with_damper(-7.0)],
+    ids=["face", "damper", "damper from the foot"],
+)
 @pytest.mark.parametrize("reduced", [False, True])
-def test_dashpot_of_the_impedance_lets_a_wave_out(reduced):
+def test_dashpot_of_the_impedance_lets_a_wave_out(reduced, made_scene):
     """A bar that ends in c = A sqrt(E rho), shaken by a pulse: no wave comes back from its end.
 
     Relative to the base the solution is that of a half-infinite bar whose mass is shaken over L only; at the
     end u(t) = integral of -a over the paths of waves, here by the method of characteristics.
     """
-    scene = scene_of(BAR)
-    pad = end_face_dashpot(scene, AREA * np.sqrt(E * RHO))
-    scene = replace(scene, attachments=(pad,))
+    scene = made_scene()
     dt, n = 2e-4, 400
     t = dt * np.arange(n)
     pulse = np.where(t < 0.02, 5.0 * np.sin(np.pi * t / 0.02) ** 2, 0.0)
@@ -150,6 +166,10 @@ def test_dashpot_of_the_impedance_lets_a_wave_out(reduced):
     exact = np.interp(t, when, end)
     assert np.abs(history.disp[:, 0] - exact).max() < 0.01 * np.abs(exact).max()
     assert history.stats["ledger_imbalance"] < 1e-10
+    (pad,) = scene.attachments
+    # positive where its ends go apart: the end moves along x, away from a foot behind it
+    moves = pad.rows["bar"].sum()
+    np.testing.assert_allclose(history.attached[:, 0], IMPEDANCE * moves * history.vel[:, 0], atol=1.0)
     late = t > 0.02 + 2.2 * L / c
     assert np.abs(history.vel[late, 0]).max() < 0.01 * np.abs(history.vel[:, 0]).max()
 
