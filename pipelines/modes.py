@@ -129,6 +129,10 @@ def _with_joints(job: Job, scene: Scene, joints: Joints) -> Scene:
         log.warning("%s: initial gaps of up to %.3g mm are taken as closed", job.path, 1e3 * wide)
     if any(block.absorbing for block in scene.blocks.values()):
         log.warning("%s: modes are undamped: the dashpots of the viscous boundary are left out", job.path)
+    dashpots = sorted({one.effect for one in scene.attachments if one.damping.any()})
+    if dashpots:
+        whose = ", ".join(dashpots)
+        log.warning("%s: modes are undamped: the dashpots of %s are left out", job.path, whose)
     if any(block.matrices is not None and block.matrices.C is not None for block in scene.blocks.values()):
         log.warning("%s: damping ratios are Rayleigh's: damping matrices of blocks are left out", job.path)
     return tie_joints(scene, names, job.config.every_joint, str(job.path))

@@ -10,6 +10,10 @@ from romdam.config.sections.job import Sections
 from romdam.core.integrators import INTEGRATORS
 
 
+# effects with remedies of their own in `couplings`; a free field has a viscous boundary
+_ABOVE = {"viscous boundary", "free field", "compressible water"}
+
+
 class Coupling(NamedTuple):
     """A key that makes modes coupled, what couples them, what to write in place of it.
 
@@ -35,8 +39,12 @@ def couplings(config: Sections) -> tuple[Coupling, ...]:
         if block.matrices is not None and block.matrices.damping is not None:
             remedy = "leave it out: damping.rayleigh then damps this block too"
             every.append(Coupling(f"blocks.{name}.matrices.damping", "a damping matrix", remedy))
-    for name in sorted(name for name in acting_effects(config) if EFFECTS[name].modes == "unknown"):
-        every.append(Coupling(EFFECTS[name].key, f"{name}, which nothing here is known of,", "leave it out"))
+    for name in sorted(acting_effects(config) - _ABOVE):
+        if EFFECTS[name].modes == "coupled":
+            every.append(Coupling(EFFECTS[name].key, name, f"leave `{EFFECTS[name].key}` out"))
+        elif EFFECTS[name].modes == "unknown":
+            by = f"{name}, which nothing here is known of,"
+            every.append(Coupling(EFFECTS[name].key, by, "leave it out"))
     return tuple(every)
 
 

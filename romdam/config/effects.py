@@ -29,7 +29,7 @@ class EffectEntry(NamedTuple):
     key : that asks for it
     acts : whether a job does
     known_to : the computations that know it
-    modes : whether it leaves the modes "apart" or has them "coupled", with a remedy in `couplings`
+    modes : whether it leaves the modes "apart" or has them "coupled", as dashpots do
     records : dimension over which results have the force of each of its attachments; empty for none
     varies : keys of each entry of its section that samples of a suite may have others of
     """

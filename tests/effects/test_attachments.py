@@ -450,6 +450,9 @@ def test_a_motion_is_the_same_in_the_finer_basis(rock, water):
 RIGHT = {"head": {"block": "right", "at": [2.5, 5, 20]}, "foot": [2.5, 5, -10], "stiffness": 2e7}
 
 
+DAMPER = {key: RIGHT[key] for key in ("head", "foot")} | {"damping": 2e6}
+
+
 def job(tmp_path: Path, **sections: Any) -> Path:
     base = {key: value for key, value in BASE.items() if key not in ("pipeline",)}
     path = write_job(tmp_path, 1)
@@ -517,6 +520,32 @@ def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
             np.testing.assert_allclose(of_suite, single[name].values.ravel(), rtol=1e-9)
 
 
+def test_suite_over_damping_is_the_jobs_with_the_values(tmp_path):
+    """Peaks of openings and of dampers' forces, within 1e-9 of the job with the values written in."""
+    across = {"head": {"block": "right", "at": [2.5, 2, 20]}, "foot": {"block": "left", "at": [2.5, -2, 18]}}
+    sections = {
+        "dampers": {"A": across | {"damping": "2 MN*s/m"}, "B": across | {"damping": 1e6}},
+        "loads": {"gravity": [0, 0, -9.81]},
+    }
+    parameters = {"c": {"path": "dampers.A.damping", "values": ["0.5 MN*s/m", "9 MN*s/m"]}}
+    path = write_job(tmp_path, 1, {"parameters": parameters}, **sections)
+    made(path, tmp_path / "suite")
+    rows = summary(tmp_path / "suite")
+    assert rows.parameter_c.values.tolist() == [5e5, 9e6]
+    forces = []
+    for k, c in enumerate(rows.parameter_c.values):
+        alone = json.loads(json.dumps(sections))
+        alone["dampers"]["A"]["damping"] = float(c)
+        single = xr.load_dataset(romdam.run(job(tmp_path, **alone), tmp_path / f"{k}").results[0].path)
+        for name in ("peak_opening", "damper_force_largest", "damper_force_least"):
+            of_suite = rows[name].isel(sample=k).values.ravel()
+            np.testing.assert_allclose(of_suite, single[name].values.ravel(), rtol=1e-9)
+        np.testing.assert_allclose(single.damper_force[:, 0], c / 1e6 * single.damper_force[:, 1], rtol=1e-9)
+        assert np.abs(single.damper_force[0]).max() == 0.0
+        forces.append(float(single.damper_force_largest[0]))
+    assert forces[1] > 2.0 * forces[0] > 0.0
+
+
 @pytest.mark.parametrize(
     ("sections", "message"),
     [
@@ -530,6 +559,14 @@ def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
          r"anchors.A.head: \(2.5, 5, 21\) is outside its elements, .* from its nearest node.*over 0 to 5 by"),
         ({"anchors": {"A": RIGHT | {"head": {"block": "right", "at": [2.5, 5, 0]}}}},
          r"anchors.A: supports hold every node that it acts on"),
+        ({"dampers": {"D": DAMPER | {"damping": 0.0}}}, r"dampers.D.damping"),
+        ({"dampers": {"D": DAMPER | {"damping": "2 MN/m"}}}, r"dampers.D.damping.*N\*s/m"),
+        ({"dampers": {"D": DAMPER | {"foot": {"block": "rigth", "at": [0, 0, 0]}}}},
+         r"dampers.D.foot.block.*'rigth'.*did you mean 'right'"),
+        ({"dampers": {"D": DAMPER | {"foot": [2.5, 5, 20]}}}, r"dampers.D: its ends are 0 m apart"),
+        ({"dampers": {"D": DAMPER}, "transient": {"finest_step": 0.01, "integrator": "modal"}},
+         r"transient.integrator: modal needs modes that nothing couples, and dampers \(dampers\)"),
+        ({"dampers": {"D": DAMPER}, "linear_stage": {}}, r"linear_stage: dampers couples the modes"),
         ({"masses": {"m": {"block": "right", "mass": 10.0}}}, r"masses.m.*exactly one of `at` and `face`"),
         ({"masses": {"m": {"block": "right", "face": "zmin", "mass": 10.0}}}, r"masses.m: supports hold"),
         ({"masses": {"m": {"block": "right", "face": "top", "mass": 10.0}}}, r"masses.m.face"),
