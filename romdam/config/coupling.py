@@ -9,7 +9,6 @@ from romdam.config.effects import EFFECTS, acting_effects, has_viscous_boundary
 from romdam.config.sections.job import Sections
 from romdam.core.integrators import INTEGRATORS
 
-
 # effects with remedies of their own in `couplings`; a free field has a viscous boundary
 _ABOVE = {"viscous boundary", "free field", "compressible water"}
 
