@@ -28,7 +28,7 @@ SUBJECTS = {  # page of keys -> sections of a job
     "job": ("",),
     "dam": ("materials", "blocks", "cut", "arch_dam", "gravity_dam", "supports", "ground"),
     "joints": ("joints", "ties"),
-    "loads": ("loads", "anchors", "masses", "construction", "water", "damping"),
+    "loads": ("loads", "anchors", "dampers", "masses", "construction", "water", "damping"),
     "records": ("records",),
     "runs": (
         "model",
