@@ -678,7 +678,7 @@ class History(GapQuantities):
     every_step : motion of the output nodes at every base step; None where it was not asked for
     uplift, built : as of the system
     attached : (nt, k) force of each row of attachments, see `BearingRows`; empty without any [N]
-    attached_peaks : (2, k) least and largest of it over every base step, where no dashpot acts [N]
+    attached_peaks : (2, k) least and largest of it over every base step; dashpots over the written rows [N]
     rest : (n,) displacement of the unknowns at rest where moduli of the record are others; empty elsewhere
     balance : of the forces at rest; None where the run does not begin there
     """

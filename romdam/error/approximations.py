@@ -441,7 +441,7 @@ _RECORDS = (
         ("records.processing.force_rows: % of it in L2, limit ",),
     ),
     Approximation(
-        "the point that an anchor or a mass acts on",
+        "the point that an anchor, a damper or a mass acts on",
         ("effects.attachments:attached_springs", "effects.attachments:attached_dashpots", "scene.points"),
         "how far the point gives, which in a continuum is without limit: it grows as elements shrink",
         "varied by",

@@ -16,12 +16,13 @@ def with_attached_forces(history: History, system: System) -> History:
         return history
     rows = bearing.rows
     force = bearing.force(history.disp[:, rows], history.vel[:, rows])
-    every = force
-    if len(history.base_disp) and not bearing.damping.any():
+    peaks = np.stack([force.min(axis=0), force.max(axis=0)])
+    if len(history.base_disp):  # whose rates are not kept
         e = history.base_disp[:, rows]
         every = bearing.force(e, np.zeros_like(e))
+        springs = bearing.damping == 0.0
+        peaks[:, springs] = np.stack([every.min(axis=0), every.max(axis=0)])[:, springs]
     fields = ("disp", "vel", "acc", "base_disp")
     kept = {name: getattr(history, name) for name in fields}
     kept = {name: np.delete(values, rows, axis=1) if values.size else values for name, values in kept.items()}
-    peaks = np.stack([every.min(axis=0), every.max(axis=0)])
     return replace(history, attached=force, attached_peaks=peaks, **kept)

@@ -104,6 +104,7 @@ NAMED = {
     ("N/m", "MN/m"): 1e6, ("N/m", "GN/m"): 1e9, ("N/m", "kN/m"): 1e3,
     ("N/m", "kip/in"): 4448.222 / INCH, ("N/m^3", "GPa/m"): 1e9, ("N/m^3", "MPa/m"): 1e6,
     ("N/m^3", "lbf/in3"): PSI / INCH, ("N/m^3", "MPa/mm"): 1e9, ("N*s/m^3", "MPa s/m"): 1e6,
+    ("N*s/m", "MN s/m"): 1e6, ("N*s/m", "MN*s/m"): 1e6, ("N*s/m", "kN*s/m"): 1e3, ("N*s/m", "N*s/m"): 1.0,
     ("m/s", "cm/s"): 1e-2, ("m/s", "km/s"): 1e3, ("m/s", "ft/s"): FOOT, ("m^2/s", "mm2/s"): 1e-6,
     ("m^2", "m2"): 1.0, ("m^2", "cm2"): 1e-4, ("m^2", "mm2"): 1e-6, ("m^2", "in2"): INCH**2,
     ("", "%"): 1e-2, ("", "percent"): 1e-2, ("", "permille"): 1e-3,

@@ -290,6 +290,13 @@ def test_ends_of_a_moved_bar_feel_what_its_support_displaces(reduced):
         lone = both(replace(scene, attachments=scene.attachments[:2]))[1]
         every, few = (simulated(lone, ground, dt, "generalized_alpha", stride=one) for one in (1, 40))
         assert few.attached_peaks == pytest.approx(every.attached_peaks, rel=1e-9)
+        beside = simulated(both(scene)[1], ground, dt, "generalized_alpha", stride=40)  # with a dashpot
+        assert beside.attached_peaks[:, 0] == pytest.approx(
+            [history.attached[:, 0].min(), history.attached[:, 0].max()], rel=1e-9
+        )
+        assert beside.attached_peaks[:, 1] == pytest.approx(
+            [beside.attached[:, 1].min(), beside.attached[:, 1].max()], rel=1e-12
+        )
         assert np.ptp(few.attached) < 0.99 * np.ptp(every.attached)
 
 

@@ -456,6 +456,13 @@ def _total() -> dict[str, Any]:
                 "loss": "12 %",
             },
         },
+        "dampers": {
+            "pad": {
+                "head": {"block": "left", "at": [2.5, -2.5, 15]},
+                "foot": [2.5, 9, 15],
+                "damping": "2 MN s/m",
+            }
+        },
         "masses": {
             "gate": {"block": "right", "face": "ymax", "mass": "80 t"},
             "hoist": {"block": "left", "at": [2.5, -2.5, 20], "mass": "20 t", "tolerance": "1 cm"},
