@@ -95,8 +95,8 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         water=traction[:, :, 0], coordinates=coordinates, energy=energy, peaks=peaks, stats=stats,
         integrator="modal", strength=strength, bonded=bonded, gap=1e-3 * np.ones(gaps),
         supports=1e-3 * rng.normal(size=(STEPS, 3)), ground=rng.normal(size=(STEPS, 3)),
-        attached=1e6 * (1.0 + time[:, None]),
-        attached_peaks=np.array([[1e6], [1e6 * (1.0 + time[-1])]]),
+        attached=1e6 * (1.0 + time[:, None] * np.ones(2)),
+        attached_peaks=1e6 * np.array([[1.0, 1.0], [1.0 + time[-1], 1.0 + time[-1]]]),
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
         uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0), built=built,
@@ -146,6 +146,7 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     )
     zero, one = np.zeros(1), np.ones(1)
     anchor = Attachment("anchors", "A", {"left": csr_matrix((1, 24))}, one, zero, zero, one, zero)
+    damper = Attachment("dampers", "D", {"left": csr_matrix((1, 24))}, damping=one)
     scene = Scene(
         blocks,
         found,
@@ -157,7 +158,7 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
         make_sites(),
         moving=moving,
         force_histories=(push,),
-        attachments=(anchor,),
+        attachments=(anchor, damper),
     )
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)

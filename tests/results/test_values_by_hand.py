@@ -151,13 +151,13 @@ def make_scene():
     push = ForceHistory(
         "low", np.zeros((8, 3)), ForceSignal("loads.force_history[0]", np.ones(2), np.ones(2))
     )
-    # a gate has no force of its own; the pad, of another effect, stands between two anchors
+    # a gate has no force of its own; the damper stands between two anchors
     none, one = np.zeros(1), np.ones(1)
     rows = {"low": csr_matrix((1, 24))}
     attachments = (
         Attachment("masses", "gate", rows, none, none, one, none, none),
         Attachment("anchors", "north", rows, one, none, none, none, none),
-        Attachment("pads", "p", rows, none, one, none, none, none),
+        Attachment("dampers", "pad", rows, none, one, none, none, none),
         Attachment("anchors", "south", rows, none, none, none, one, none),
     )
     rest = {"moving": moving, "force_histories": (push,), "attachments": attachments}
@@ -268,6 +268,7 @@ EXPECTED_COORDINATES = {
     "support_delay": (WHOLE, [0.1]),
     "force_history": (WHOLE, ["loads.force_history[0]"]),
     "anchor": (WHOLE, ["north", "south"]),
+    "damper": (WHOLE, ["pad"]),
     "node_block": (WHOLE, ["high", "low"]),
     "node_position": (WHOLE, [[2, 3, 6], [2, 3, 5]]),
     "floor_place": (WHOLE, ["gate"]),
@@ -354,8 +355,11 @@ EXPECTED_OF_MOTION = {
     "acceleration": (2, [[-600, 1200, -1800], [-300, 600, -2400]]),
     "applied_force": (3, [24e3]),
     "anchor_force": (3, [8e3, 20e3]),
+    "damper_force": (3, [12e3]),
     "anchor_force_least": (WHOLE, [1e3, 3e3]),
     "anchor_force_largest": (WHOLE, [9e3, 21e3]),
+    "damper_force_least": (WHOLE, [2e3]),
+    "damper_force_largest": (WHOLE, [13e3]),
     "ground_acceleration": (3, [0.8, 1.2, 2.0]),
     "support_displacement": (3, [[28, 32, 36]]),
     **{f"energy_{term}": (slice(3, 6), number * np.array([4, 2, 2.5])) for term, number in TERMS.items()},
@@ -488,6 +492,8 @@ EXPECTED_ROWS = {
     "residual_sliding": (WHOLE, [MM * 320**0.5 / 7, MM * (193.5 - 40.5**2 / 24.25) ** 0.5 / 5.5]),
     "anchor_force_least": (WHOLE, [1e3, 3e3]),
     "anchor_force_largest": (WHOLE, [9e3, 21e3]),
+    "damper_force_least": (WHOLE, [2e3]),
+    "damper_force_largest": (WHOLE, [13e3]),
     "peak_displacement": (WHOLE, MM * np.array([[3, 6, 9], [1.5, 3, 12]])),
     **{
         name: EXPECTED_OF_FLOORS[name]
