@@ -19,6 +19,7 @@ from romdam.linalg.solvers import without_factors
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.automatic_modes import FIRST, refuse_unjudged, with_modes, with_vectors
 from romdam.pipelines.automatic_spacing import automatic_joints
+from romdam.pipelines.combinations import combination_jobs
 from romdam.pipelines.cost import COSTS, fixed_costs, run_costs
 from romdam.pipelines.error.comparison import comparable_variants
 from romdam.pipelines.error.sibling import Sibling
@@ -132,6 +133,7 @@ def check(job: Source, show: Stage = silent, cache: Path | None = None, *, quick
         refuse_study(job)
     if job.config.post_earthquake is not None:
         job_after(job, job.config.post_earthquake, {"loads.initial_state": "static"})
+    combination_jobs(job)
     if job.config.pipeline != "comparison":
         return _check(job, clock, open_store(cache), quick=quick)
     asked, variants = comparable_variants(job)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from romdam.config.variants import changed_job
 from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.files import prepare_folder
 from romdam.pipelines.jobs import load_config, looked_up
-from romdam.pipelines.run import Outcome, Stage, run, silent
+from romdam.pipelines.run import Stage, run, silent
 from romdam.pipelines.stability import job_after, motion_at_rest
 from romdam.postprocess.combinations import HEAD, SATISFIED, Margin, Requirement
+from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_FOUND
 from romdam.results.fields import open_result
 from romdam.results.table import write_csv
 from romdam.visual.report.combinations import write_combinations
@@ -71,7 +73,7 @@ def assess_combinations(
         )
     if any(one.after is not None for one in asked.values()):  # the others are runs, which know every effect
         refuse_unknown_effects(job.config, "rest", str(job.path))
-    jobs = {name: _job_of(job, name, one) for name, one in asked.items()}
+    jobs = combination_jobs(job)
     folder = prepare_folder(Path(out))
     margins, failures = dict[str, list[Margin]](), dict[str, str]()
     results = dict[str, list[Path]]()
@@ -79,14 +81,13 @@ def assess_combinations(
     for name in sorted(asked, key=lambda one: asked[one].situation != "earthquake"):
         one, required = asked[name], _requirement(name, asked[name])
         if one.situation == "earthquake":
-            outcome = run(jobs[name], folder / name, show, cache)
-            results[name] = list(outcome.paths)
-            margins[name] = _of_records(outcome, required)
-            failures |= {f"{name}, {record}": text for record, text in outcome.failures.items()}
+            results[name], failed = _shaken(jobs[name], folder / name, show, cache)
+            failures |= {f"{name}, {record}": text for record, text in failed.items()}
+            margins[name] = _of_records(results[name], failed, required)
         elif one.after is None:
             margins[name] = _at_rest(jobs[name], _NO_MOTION, required, show, failures)
         else:
-            margins[name] = []
+            margins[name] = [] if results[one.after] else [required.without_value(one.after, NOT_FOUND)]
             for path in results[one.after]:
                 with open_result(path) as opened:
                     attrs = opened.dataset.attrs
@@ -104,6 +105,17 @@ def assess_combinations(
     return Combined(every, failures, (table, page))
 
 
+def combination_jobs(job: Job) -> dict[str, Job]:
+    """The job that each combination of a job runs.
+
+    Raises
+    ------
+    ConfigError
+        for changes that lead nowhere or make no valid job, and a tension without `outputs.stress`.
+    """
+    return {name: _job_of(job, name, one) for name, one in job.config.combinations.items()}
+
+
 def _requirement(name: str, one: CombinationConfig) -> Requirement:
     return Requirement(name, one.situation, one.required_factor, one.largest_slip, one.tension, one.joints)
 
@@ -118,16 +130,16 @@ def _job_of(job: Job, name: str, one: CombinationConfig) -> Job:
     """
     stands_at = ("combinations", name, "changes")
     if one.situation == "earthquake":
-        made = looked_up(changed_job(job, one.changes, stands_at, left_out=_OWN))
+        changed = looked_up(changed_job(job, one.changes, stands_at, left_out=_OWN))
     else:
-        made = _rest_job(job, name, one, {"loads.initial_state": "static"})
-    stress = made.config.outputs.stress
+        changed = _rest_job(job, name, one, {"loads.initial_state": "static"})
+    stress = changed.config.outputs.stress
     if one.tension is not None and (stress is None or not stress.faces):
         raise ConfigError(
             f"{job.path}: combinations.{name}.tension is of the faces of outputs.stress, and there are none; "
             "name some, such as outputs.stress.faces: [{block: dam, face: upstream}], or leave it out"
         )
-    return made
+    return changed
 
 
 def _rest_job(
@@ -150,16 +162,26 @@ def _at_rest(
         outcome = run(job, None, show, motions=motion_at_rest(f"{required.combination} {record}", dt))
     except ConvergenceError as error:
         failures[key] = str(error)
-        return [required.without_value(record, proved=isinstance(error, NoEquilibriumError))]
+        proved = isinstance(error, NoEquilibriumError)
+        return [required.without_value(record, NO_EQUILIBRIUM if proved else NOT_FOUND)]
     if outcome.failures:
         failures[key] = next(iter(outcome.failures.values()))
-        return [required.without_value(record, proved=False)]
+        return [required.without_value(record, NOT_FOUND)]
     return required.at_rest(outcome.results[0].dataset, record)
 
 
-def _of_records(outcome: Outcome, required: Requirement) -> list[Margin]:
-    margins = list[Margin]()
-    for path in outcome.paths:
+def _shaken(job: Job, folder: Path, show: Stage, cache: Path | None) -> tuple[list[Path], dict[str, str]]:
+    """Results of the records of a job, and why others have none."""
+    try:
+        outcome = run(job, folder, show, cache)
+    except ConvergenceError as error:  # of a lone record
+        return [], {"all records": str(error)}
+    return list(outcome.paths), dict(outcome.failures)
+
+
+def _of_records(paths: Sequence[Path], failed: Collection[str], required: Requirement) -> list[Margin]:
+    margins = [required.without_value(record, NOT_FOUND) for record in failed]
+    for path in paths:
         with open_result(path) as opened:
             margins += required.shaken(opened.dataset, str(opened.dataset.attrs["record"]))
     return margins

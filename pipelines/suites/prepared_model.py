@@ -119,7 +119,7 @@ def _reduced(plan: Plan, store: BlockStore | None, clock: Clock) -> RunModel:
     """The model of a plan's scene, with what other materials and levels are made of."""
     with clock.stage("model", "reducing the blocks"), placed(plan.job.path):
         model = reduced_model(plan.job, plan.scene, store, estimated=True, also=plan.samples.also or ())
-    return replace(model, stress=stress_fields(plan.scene, model.reduced))
+    return replace(model, stress=stress_fields(plan.scene, model.reduced_at_rest))
 
 
 @one_thread()

@@ -285,11 +285,11 @@ def _structure_key(config: Config, paths: Sequence[str], places: Sequence[Locati
                 f"{where}: water.level cannot be varied, as {what}; take water.model: incompressible or "
                 "westergaard without a mesh, or run one suite for each level"
             )
-    owner = _owner(config, places[0])
+    owner = _section_of(config, places[0])
     return VariedKey(", ".join(paths), tuple(places), (), (key,), _units(owner, key), owner=owner)
 
 
-def _owner(config: Config, location: Location) -> type[Model]:
+def _section_of(config: Config, location: Location) -> type[Model]:
     """The section that a number stands in."""
     section: Any = config
     for key in location[:-1]:
@@ -307,9 +307,10 @@ def _units(owner: type[Model], key: str) -> str:
 
 def _unit_within(kind: Any) -> str | None:
     """The unit that a type converts to; of a union that of its first quantity."""
-    own = [unit_of(one.func) for one in getattr(kind, "__metadata__", ()) if isinstance(one, BeforeValidator)]
-    inner = (_unit_within(one) for one in get_args(kind) if one not in getattr(kind, "__metadata__", ()))
-    return next((unit for unit in (*own, *inner) if unit is not None), None)
+    marks = getattr(kind, "__metadata__", ())
+    units = (unit_of(mark.func) for mark in marks if isinstance(mark, BeforeValidator))
+    inner = (_unit_within(one) for one in get_args(kind) if one not in marks)
+    return next((unit for unit in (*units, *inner) if unit is not None), None)
 
 
 def _kind(owner: type[Model], key: str) -> Any:

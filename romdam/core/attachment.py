@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
-from romdam.core.arrays import Floats, Ints
+from romdam.core.arrays import Floats
 
 
 def _none() -> Floats:
@@ -103,12 +103,10 @@ class BearingRows:
     Attributes
     ----------
     first : of these rows
-    owner : (k,) number of the attachment that each belongs to
     stiffness, damping, tension : (k,) as `Attachment` has them
     """
 
     first: int
-    owner: Ints
     stiffness: Floats
     damping: Floats
     tension: Floats

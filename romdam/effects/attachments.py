@@ -109,12 +109,11 @@ class AttachedSprings:
     def _observed(self, system: System, R: csr_matrix | Floats) -> System:
         """With the rows of the attachments that bear a force behind those of the output nodes."""
         attached = self.scene.attachments
-        owner = np.repeat(np.arange(len(attached)), [len(one) for one in attached])
-        some = np.flatnonzero(np.array([attached[number].bears for number in owner], dtype=bool))
+        some = np.flatnonzero(np.repeat([one.bears for one in attached], [len(one) for one in attached]))
         if not len(some):
             return system
         k, c, tension = (of_all(attached, name)[some] for name in ("stiffness", "damping", "tension"))
-        bearing = BearingRows(system.observe.shape[0], owner[some], k, c, tension)
+        bearing = BearingRows(system.observe.shape[0], k, c, tension)
         moving, R = system.pseudo_static, csr_matrix(R)
         if moving is not None:
             moving = replace(

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from romdam.config.effects import has_viscous_boundary
+from romdam.config.effects import EFFECTS, has_viscous_boundary
 
 if TYPE_CHECKING:
     from romdam.config.job import Config
@@ -446,6 +446,13 @@ _RECORDS = (
         "how far the point gives, which in a continuum is without limit: it grows as elements shrink",
         "varied by",
         ("discretisation",),
+    ),
+    Approximation(
+        "what modes, steps and the mesh change in the forces of anchors and dampers",
+        ("results.attached",),
+        "comparisons are of openings, slips, displacements, joint forces, sections and stress alone",
+        "said in the result",
+        acts=lambda config: any(one.records and one.acts(config) for one in EFFECTS.values()),
     ),
     Approximation(
         "the end of a record that `duration` cuts",

@@ -16,10 +16,10 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.sliding import sliding
-from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_FOUND, joint_stability
+from romdam.postprocess.stability import NOT_FOUND, joint_stability
 from romdam.postprocess.stress.faces import HEADLINE
 
-SATISFIED, NOT_SATISFIED = "satisfied", "not satisfied"
+SATISFIED, NOT_SATISFIED, NO_SHEAR = "satisfied", "not satisfied", "no joint carries shear"
 Row = tuple[str, ...]
 HEAD: Row = (
     "combination", "situation", "record", "of", "criterion", "value", "required", "margin", "verdict",
@@ -84,11 +84,9 @@ class Requirement:
     tension: float | None
     joints: Collection[str] | None
 
-    def without_value(self, record: str, *, proved: bool) -> Margin:
-        """The margin of a dam that has no equilibrium, or of which none was found."""
-        required, failure = self.factor or np.nan, NO_EQUILIBRIUM if proved else NOT_FOUND
-        named = (self.combination, self.situation, record, "all", _FACTOR)
-        return Margin(*named, np.nan, required, 0.0, failure)
+    def without_value(self, record: str, failure: str) -> Margin:
+        """What stands in place of margins that could not be found, which is not satisfied."""
+        return Margin(self.combination, self.situation, record, "all", "-", np.nan, np.nan, 0.0, failure)
 
     def at_rest(self, dataset: xr.Dataset, record: str) -> list[Margin]:
         """Margins in the first state of a result, which is at rest."""
@@ -96,7 +94,7 @@ class Requirement:
         if self.factor is not None:
             for joint in joint_stability(dataset, record, self.factor, self.joints):
                 margins.append(self._least(record, joint.joint, joint.factor))
-        return [*margins, *self._stress(dataset, record)]
+        return self._judged([*margins, *self._stress(dataset, record)], record)
 
     def shaken(self, dataset: xr.Dataset, record: str) -> list[Margin]:
         """Margins in an earthquake, over all written rows and of what it leaves."""
@@ -108,7 +106,14 @@ class Requirement:
             if self.slip is not None:
                 left, most = 1e3 * joint.largest_slip, 1e3 * self.slip
                 margins.append(self._most(record, joint.joint, _SLIP, left, most))
-        return [*margins, *self._stress(dataset, record)]
+        return self._judged([*margins, *self._stress(dataset, record)], record)
+
+    def _judged(self, margins: list[Margin], record: str) -> list[Margin]:
+        """The margins, and one that is not satisfied where joints are to be judged and none carries shear."""
+        of_joints = self.factor is not None or self.slip is not None
+        if of_joints and not any(one.criterion in (_FACTOR, _SLIP) for one in margins):
+            margins = [*margins, self.without_value(record, NO_SHEAR)]
+        return margins
 
     def _stress(self, dataset: xr.Dataset, record: str) -> list[Margin]:
         if self.tension is None:
@@ -125,5 +130,7 @@ class Requirement:
         return Margin(self.combination, self.situation, record, of, _FACTOR, factor, self.factor, margin)
 
     def _most(self, record: str, of: str, criterion: str, value: float, limit: float) -> Margin:
-        margin = limit / value if value > 0.0 else np.inf
-        return Margin(self.combination, self.situation, record, of, criterion, value, limit, margin)
+        named = (self.combination, self.situation, record, of, criterion)
+        if np.isnan(value):  # such as of a face that the ring leaves out
+            return Margin(*named, value, limit, 0.0, NOT_FOUND)
+        return Margin(*named, value, limit, limit / value if value > 0.0 else np.inf)

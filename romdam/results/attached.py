@@ -24,6 +24,12 @@ def _bearing(scene: Scene, effect: str) -> tuple[Ints, list[str]]:
     return np.array(some, dtype=np.int64), [names[k][1] for k in some]
 
 
+def attached_names(scene: Scene) -> dict[str, list[str]]:
+    """Dimension over which forces are written -> names of what bears them, of the effects of a scene."""
+    names = {entry.records: _bearing(scene, effect)[1] for effect, entry in EFFECTS.items() if entry.records}
+    return {dim: some for dim, some in names.items() if some}
+
+
 def _has(effect: str) -> Callable[[Case], bool]:
     return lambda case: bool(len(_bearing(case.scene, effect)[0]))
 

@@ -151,7 +151,7 @@ def _damper(name: str, damper: DamperConfig, places: AttachmentPlaces) -> Attach
 
 def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
     """Masses on the mean displacement of a place along x, y and z."""
-    made = []
+    masses = []
     for name, lumped in config.masses.items():
         key, block = f"masses.{name}", places.blocks[lumped.block]
         if lumped.at is not None:
@@ -169,7 +169,7 @@ def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
                 "inertia that this one's could be added to; name another block, or leave out `mass: false`"
             )
         places.refuse_held(rows, key)
-        made.append(
+        masses.append(
             Attachment(
                 effect="masses",
                 name=name,
@@ -179,7 +179,7 @@ def _masses(config: Config, places: AttachmentPlaces) -> list[Attachment]:
                 key=key,
             )
         )
-    return made
+    return masses
 
 
 BUILDERS: dict[str, Builder] = {"anchors": _anchors, "dampers": _dampers, "masses": _masses}

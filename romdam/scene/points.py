@@ -40,7 +40,7 @@ def point_weights(
     node = int(distance.argmin())
     if distance[node] <= _ON_NODE * float(np.ptp(block.points, axis=0).max()):
         return np.array([node]), np.ones(1)
-    least, found = np.inf, None
+    least, weights = np.inf, None
     for element, _, cells in kinds_of(block.element, block.cells):
         corners = block.points[cells]
         low, high = corners.min(axis=1), corners.max(axis=1)
@@ -52,8 +52,8 @@ def point_weights(
             off = float(np.linalg.norm(element.shape(inside[None])[0] @ block.points[cell] - point))
             if off < least:
                 # a point just outside follows the element as it would go on
-                least, found = off, (cell, element.shape(xi[None])[0])
-    if found is None or least > tolerance:
+                least, weights = off, (cell, element.shape(xi[None])[0])
+    if weights is None or least > tolerance:
         wanted = ", ".join(f"{x:.6g}" for x in at)
         low, high = block.points.min(axis=0), block.points.max(axis=0)
         box = " by ".join(f"{a:.6g} to {b:.6g}" for a, b in zip(low, high, strict=True))
@@ -64,7 +64,7 @@ def point_weights(
             f"{location}: ({wanted}) is {how}, limit {tolerance:g} m; block {block.name!r} reaches over "
             f"{box} m; name a point of it, or raise `tolerance`"
         )
-    return found
+    return weights
 
 
 def face_weights(block: Block, facets: Ints) -> tuple[Floats, float]:

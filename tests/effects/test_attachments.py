@@ -454,6 +454,31 @@ def test_a_motion_is_the_same_in_the_finer_basis(rock, water):
         )
 
 
+@pytest.mark.parametrize("side", [1.0, 9.0])
+def test_an_anchor_on_one_side_of_a_scene_that_is_alike_on_both(side):
+    """Equivalent contacts are merged only where the anchor leaves them so: as generalised-alpha has it."""
+    raw = {key: value for key, value in BASE.items() if key not in ("pipeline", "damping")}
+    raw = json.loads(json.dumps(raw)) | {"damping": {"rayleigh": {"frequencies": [5, 50], "ratio": 0.05}}}
+    for name in ("left", "right"):
+        raw["blocks"][name]["box"]["size"][0] = 10
+    raw["anchors"] = {
+        "A": {"head": {"block": "right", "at": [side, 10, 20]}, "foot": [side, 30, 0], "stiffness": 5e8}
+    }
+    raw["outputs"]["nodes"] = {"top": {"block": "right", "at": [side - 1.0 if side < 5 else 10, 0, 20]}}
+    scene = scene_of(raw)
+    config = parse_config(raw, "s.yaml")
+    reduced = reduce_scene(scene, ALL_MODES, config.damping).system
+    t = 0.01 * np.arange(61)
+    ground = np.stack([0 * t, 6 * np.sin(25 * t), 0 * t])
+    fine = np.stack([np.interp(np.arange(6001) * 1e-4, t, row) for row in ground])
+    found = simulated(reduced, fine, 1e-4, "modal", stride=100)
+    exact = simulated(reduced, fine, 1e-4, "generalized_alpha", stride=100)
+    assert (exact.state == 0).any()
+    for name in ("attached", "jump"):
+        own, other = getattr(found, name), getattr(exact, name)
+        assert np.abs(own - other).max() < 0.01 * np.abs(other).max(), name
+
+
 RIGHT = {"head": {"block": "right", "at": [2.5, 5, 20]}, "foot": [2.5, 5, -10], "stiffness": 2e7}
 
 
@@ -513,10 +538,19 @@ def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
         "T": {"path": "anchors.A.pretension", "values": ["1 MN", "3 MN"]},
         "m": {"path": "masses.*.mass", "values": ["100 t", "500 t"]},
     }
+    damped = {"xi": {"path": "damping.rayleigh.ratio", "values": [0.02, 0.08]}}
+    made(write_job(tmp_path, 1, {"parameters": damped}, **sections), tmp_path / "damped")
+    for k, ratio in enumerate((0.02, 0.08)):
+        own = {"rayleigh": BASE["damping"]["rayleigh"] | {"ratio": ratio}}
+        path = job(tmp_path, **sections, damping=own)
+        single = xr.load_dataset(romdam.run(path, tmp_path / f"xi{k}").results[0].path)
+        largest = summary(tmp_path / "damped").anchor_force_largest.isel(sample=k).values.ravel()
+        np.testing.assert_allclose(largest, single.anchor_force_largest.values, rtol=1e-9)
     path = write_job(tmp_path, 1, {"parameters": parameters}, **sections)
     made(path, tmp_path / "suite")
     rows = summary(tmp_path / "suite")
     assert rows.anchor_force_largest.dims[-1] == "anchor" and len(rows.sample) == 4
+    assert rows.anchor.values.tolist() == ["A"]
     for k in range(4):
         tension, mass = (float(rows[f"parameter_{name}"][k]) for name in "Tm")
         alone = json.loads(json.dumps(sections))

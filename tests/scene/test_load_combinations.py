@@ -12,7 +12,8 @@ import yaml
 from test_cli import call
 
 import romdam
-from romdam.core.errors import ConfigError
+from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.pipelines import combinations as pipeline
 from romdam.pipelines.combinations import assess_combinations
 from romdam.postprocess import combinations
 
@@ -129,6 +130,49 @@ def test_factors_of_four_combinations_by_hand(folder: Path):
     assert all(name in page for name in COMBINATIONS) and "joints.base.friction" in page
 
 
+def test_an_anchor_presses_the_dam_on_its_base(folder: Path):
+    """(mu (W - U + T) + c A) / H with a soft tendon of T = 40 MN, straight down into the rock."""
+    head, foot = ({"block": name, "at": [5, 12, z]} for name, z in (("dam", 30), ("rock", -8)))
+    raw = job(
+        anchors={"T": {"head": head, "foot": foot, "stiffness": "1 MN/m", "pretension": "40 MN"}},
+        combinations={"usual": {"required_factor": 2.0}},
+    )
+    (margin,) = assess_combinations(raw, folder / "anchored").margins
+    held = MU * (WEIGHT - uplift(USUAL, True) + 40e6) + COHESION * WIDTH * BASE
+    assert margin.value == pytest.approx(held / push(USUAL), rel=1e-3)
+
+
+def test_what_could_not_be_judged_is_not_satisfied(folder: Path, monkeypatch):
+    """Joints without shear, faces without a stress, and earthquakes without a result."""
+    smooth = job(combinations={"usual": {"required_factor": 2.0}})
+    for key in ("friction", "cohesion", "tensile_strength"):
+        del smooth["joints"]["base"][key]
+    smooth["loads"] = {"gravity": [0, 0, -G]}
+    assessed = assess_combinations(smooth, folder / "smooth")
+    assert [one.verdict for one in assessed.margins] == ["no joint carries shear"] and not assessed.satisfied
+    asked = combinations.Requirement("quake", "earthquake", None, None, 2e6, None)
+    assert asked._most("r", "dam.ymin", "tension [MPa]", np.nan, 2.0).verdict == "not found"
+
+    def fails(*_: Any, **__: Any) -> Any:
+        raise ConvergenceError("a step does not converge")
+
+    monkeypatch.setattr(pipeline, "_at_rest", lambda *_: [])
+    monkeypatch.setattr(pipeline, "run", fails)
+    assessed = assess_combinations(job(), folder / "failed")
+    assert [(one.combination, one.record, one.verdict) for one in assessed.margins] == [
+        ("earthquake", "all records", "not found"),
+        ("after", "earthquake", "not found"),
+    ]
+    assert assessed.failures == {"earthquake, all records": "a step does not converge"}
+
+
+def test_check_finds_what_is_wrong_in_a_combination(folder: Path):
+    wrong = {"a": {"required_factor": 1, "changes": {"loads.hydrostatic.4.level": 3}}}
+    (folder / "wrong.yaml").write_text(yaml.safe_dump(job(combinations=wrong)))
+    code, _, err = call("check", folder / "wrong.yaml", "--quick")
+    assert code == 2 and "combinations.a.changes.loads.hydrostatic.4.level" in err
+
+
 def test_margins_in_an_earthquake_are_of_the_joints_asked_for_and_of_the_largest_slip(monkeypatch):
     """The largest of a gap, not the mean of the joint; nothing of joints that are not named."""
     joints = [
@@ -174,6 +218,7 @@ def test_a_dam_without_equilibrium_is_a_verdict(folder: Path):
         ({"a": {"situation": "after", "required_factor": 1}}, r"combinations.a.*`after` names"),
         ({"a": {"situation": "after", "after": "b", "required_factor": 1}, "b": {"required_factor": 1}},
          r"combinations.a.after: 'b' is no combination of situation: earthquake; there is none"),
+        ({"a": {"required_factor": 1}, "A": {"required_factor": 1}}, r"'A' and 'a' are one folder"),
         ({"a": {"largest_slip": 0.1}}, r"`largest_slip` is of what an earthquake leaves"),
         ({"a": {"required_factor": 1, "joints": ["bse"]}}, r"combinations.a.joints.*'bse'.*'base'"),
         ({"a": {"required_factor": 1, "changes": {"loads.hydrostatic.4.level": 3}}},

@@ -20,6 +20,7 @@ from romdam.results.suite.rows import FAILED
 
 OF_MAKING = ("wall_seconds", "cpu_seconds")  # no two runs have them alike
 ONE = romdam.SuiteOptions(workers=1)
+FRICTION = "joints.gap.friction"
 SHORT = {"finest_step": "5 ms", "duration": "0.2 s"}
 LEVELS = {"parameters": {"level": {"path": "loads.hydrostatic.0.level", "low": 14, "high": 18, "count": 3}}}
 
@@ -183,3 +184,20 @@ def test_a_job_at_full_order_is_refused(tmp_path):
     config = write_job(tmp_path, 1, model={"order": "full"})
     with pytest.raises(romdam.ConfigError, match="needs a reduced model, got full"):
         romdam.prepare(config)
+
+
+def test_moduli_by_duration_with_stress_are_those_of_a_run(tmp_path):
+    """The stress at rest is of the sustained modulus, whoever makes the model: a suite's row to the bit."""
+    concrete = BASE["materials"]["concrete"] | {"E_dynamic": "37 GPa"}
+    sections = {
+        "materials": {"concrete": concrete},
+        "loads": {"gravity": [0, 0, -9.81]},
+        "outputs": {**BASE["outputs"], "stress": {"blocks": ["left"]}},
+        "transient": SHORT,
+    }
+    path = write_job(tmp_path, 1, {"parameters": {"mu": {"path": FRICTION, "values": [0.4]}}}, **sections)
+    made(path, tmp_path / "out")
+    summary = xr.load_dataset(tmp_path / "out" / "summary.nc")
+    dataset = romdam.prepare(romdam.load_config(path)).run({FRICTION: 0.4})
+    assert np.array_equal(dataset.peak_stress.values, summary.peak_stress.values)
+    assert float(dataset.peak_stress.max()) > 0.0

@@ -69,7 +69,7 @@ class AnchorConfig(Model):
     """Tension that it bears; a run in which it is exceeded is warned of."""
 
     @model_validator(mode="after")
-    def _one_stiffness(self) -> Self:
+    def _refuse_two_stiffnesses(self) -> Self:
         of_bar = self.E is not None and self.area is not None
         count = sum(value is not None for value in (self.stiffness, self.E, self.area))
         if count != (2 if of_bar else 1) or (not of_bar and self.stiffness is None):
@@ -120,7 +120,7 @@ class MassConfig(Model):
     """Distance up to which the point may lie outside the block's elements."""
 
     @model_validator(mode="after")
-    def _one_place(self) -> Self:
+    def _refuse_two_places(self) -> Self:
         if (self.at is None) == (self.face is None):
             raise ValueError("give exactly one of `at` and `face`")
         return self

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from romdam.config.base import Model
-from romdam.config.names import Name
+from romdam.config.names import Name, same_file
 from romdam.config.quantities import Dimensionless, Length, Pressure
 from romdam.core.errors import listed, quote
 
@@ -52,13 +52,18 @@ class CombinationConfig(Model):
 
 
 def refuse_wrong_combinations(combinations: Mapping[str, CombinationConfig]) -> None:
-    """Refuse an `after` of what is no earthquake.
+    """Refuse an `after` of what is no earthquake, and names of one folder.
 
     Raises
     ------
     ValueError
         with the key.
     """
+    first: dict[str, str] = {}
+    for name in combinations:
+        other = first.setdefault(same_file(name), name)
+        if other != name:
+            raise ValueError(f"combinations: {quote(name)} and {quote(other)} are one folder; rename one")
     earthquakes = [name for name, one in combinations.items() if one.situation == "earthquake"]
     for name, one in combinations.items():
         if one.after is not None and one.after not in earthquakes:

@@ -201,6 +201,9 @@ def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
         for one in scene.force_histories
         if one.block == name
     ]
+    pairs += [
+        (one.key, np.unique(one.rows[name].indices // 3)) for one in scene.attachments if name in one.rows
+    ]
     pairs += [("ground.viscous", face.facets.ravel()) for face in scene.blocks[name].absorbing]
     if scene.reservoir is not None:
         wet = (*scene.reservoir.faces, *scene.reservoir.rock)

@@ -31,6 +31,7 @@ from romdam.postprocess.record_measures import MEASURES, analysed, earlier_recor
 from romdam.postprocess.responses import RUNS, WITHIN
 from romdam.postprocess.sobol import BASE_SAMPLES, with_sobol_indices
 from romdam.postprocess.stress.summary import MEASURES as STRESS
+from romdam.results.attached import attached_names
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.hazard_table import suite_hazard
@@ -292,6 +293,7 @@ def _coordinates(
         coordinates["gap_area"] = np.concatenate([j.whole_area for j in joints])
     if scene.probes:
         coordinates["node"] = np.array([probe.name for probe in scene.probes], dtype=str)
+    coordinates |= {dim: np.array(names, dtype=str) for dim, names in attached_names(scene).items()}
     floors = job.config.outputs.floor_spectra
     if floors is not None:
         places = floors.places or job.config.outputs.nodes

@@ -53,7 +53,7 @@ def write_combinations(
         for name, worst in least.items()
     ]
     head = ["combination", "situation", "governed by", "criterion", "value", "required", "margin", "verdict"]
-    made = [(name, key, str(value)) for name, keys in changes.items() for key, value in keys.items()]
+    changed = [(name, key, str(value)) for name, keys in changes.items() for key, value in keys.items()]
     about = f"{SOURCE}; {datetime.now(UTC):%Y-%m-%d %H:%M} UTC"
     sections = [
         PageSection("combinations", "Combinations", [PageTable(head, summary, "The least margin of each")]),
@@ -63,7 +63,9 @@ def write_combinations(
             [PageTable(list(HEAD), [one.row for one in margins], label="Margins", sortable=True)],
         ),
         PageSection(
-            "changes", "What they change", [PageTable(["combination", "key", "value"], made, label="Changes")]
+            "changes",
+            "What they change",
+            [PageTable(["combination", "key", "value"], changed, label="Changes")],
         ),
         PageSection(
             "failures", "Failures", [PageTable(["of", "why"], list(failures.items()), label="Failures")]
