@@ -35,7 +35,7 @@ STATE_QUANTITIES: dict[str, Expansion | str | None] = {
     "last_step": None,  # (ng, 8) as the further laws read it
     "water": None,  # (ng,) in open gaps [N]
     "stored": None,  # (1,) energy in the gaps [J]
-    "clock": None,  # (4,) level of the next step, whether laws evolve, last step, finest step [s]
+    "clock": None,  # (4 + 2 levels,) next level, whether laws evolve, last, finest step [s], refusals
     "ground_velocity": None,  # (k + 1,) integral of the ground acceleration, and its largest size [m/s]
 }
 

@@ -35,7 +35,7 @@ VARIABLES: dict[str, tuple[tuple[str, ...], str, str]] = {
     "last_step": (("gap", "step_entry"), "1", "last step as the joint laws read it"),
     "water": (("gap",), "N", "force of the water that entered"),
     "stored": (("one",), "J", "energy stored in the gaps"),
-    "clock": (("clock_entry",), "1", "level of the next step, whether laws evolve, last and finest step"),
+    "clock": (("clock_entry",), "1", "next level, whether laws evolve, last and finest step, refusals"),
     "ground_velocity": (("velocity_entry",), "m s-1", "velocity of the ground, and its largest size"),
 }
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 import romdam
 from romdam.core.errors import ConfigError
@@ -172,3 +173,13 @@ def test_a_state_of_another_model_is_refused(joint, integrator, loads, message):
         simulate(
             prepared(joint, integrator, **loads), [pulses(9.0, 1, 0.2)], replace(settings, start=one.final)
         )
+
+
+def test_which_steps_are_tried_goes_on():
+    """What was refused a hundred times in the first part is tried rarely from the beginning of the second."""
+    ready = prepared(FRICTION, "adaptive")
+    one, again, whole = parts_and_whole(ready, pulses(9.0, 2, 1.2), pulses(-6.0, 2, 1.2))
+    refused = one.final.arrays["clock"][4:].reshape(2, -1)[0]
+    assert refused[0] > 16
+    assert_array_equal(again.final.arrays["clock"], whole.final.arrays["clock"])
+    assert one.stats["refused_steps"] + again.stats["refused_steps"] == whole.stats["refused_steps"]

@@ -282,6 +282,7 @@ def test_an_accepted_step_moves_means_peaks_and_the_clock(monkeypatch):
     monkeypatch.setattr(loop, "at", lambda values, place: SimpleNamespace(dt=values.dt[place]))
     monkeypatch.setattr(loop, "_reach", lambda levels, runs, run: 0.75)
     monkeypatch.setattr(loop, "raise_peaks", loop.raise_peaks.py_func)
+    monkeypatch.setattr(loop, "_may_go_up", loop._may_go_up.py_func)
     clock = SimpleNamespace(level=2, fine_steps=2, base_steps=5, calm_steps=1)
     runs = SimpleNamespace(clock=[clock], variant=[SimpleNamespace(step=0)], last=[9], rows=[0])
     levels = SimpleNamespace(
@@ -301,6 +302,7 @@ def test_an_accepted_step_moves_means_peaks_and_the_clock(monkeypatch):
         peaks=peaks,
         mean=np.array([12.0, 0.0, 6.0, 0.0, 0.0, 0.0]),
         tries=SimpleNamespace(accepted=0),
+        refusals=[SimpleNamespace(refused=16, passed=0) for _ in range(3)],
     )
     shift, last = np.array([[0.3, 0, 0, 0, 0, 0]]), np.array([[0.1, 0, 0, 0, 0, 0]])
     work = SimpleNamespace(
@@ -336,3 +338,11 @@ def test_an_accepted_step_moves_means_peaks_and_the_clock(monkeypatch):
     loop._move.py_func(model, levels, runs, state, work, buffer, 0)
     assert (clock.base_steps, clock.level, clock.calm_steps, rows) == (6, 1, 0, [2])
     assert not gaps.mean_traction.any()
+
+
+def test_a_level_that_is_refused_in_a_row_is_tried_less_often():
+    """Every time up to 16 refusals; then at every 2nd, 4th, 8th and 16th time, and no more rarely."""
+    for refused, waits in ((0, 1), (16, 1), (17, 2), (18, 4), (19, 8), (20, 16), (21, 16), (5000, 16)):
+        level = SimpleNamespace(refused=refused, passed=0)
+        times = next(k for k in range(1, 100) if loop._may_go_up.py_func(level))
+        assert times == waits and level.passed == waits

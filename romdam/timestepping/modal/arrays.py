@@ -4,7 +4,7 @@ Several runs of one model are integrated together. They share the model (`ModalM
 every step size (`StepHierarchy`). What moves has the run as its leading axis: the clock and the memory of
 each run (`Batch`), the state at the last accepted step (`ModalState`), vectors of the step at hand (`Work`)
 and the rows that are written (`HistoryBuffer`). Numbers that change together are the fields of one record
-(`CLOCK`, `TRIES`).
+(`CLOCK`, `TRIES`, `REFUSALS`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from romdam.timestepping.modal.propagator import Propagator
 BASE = 0  # the level of the base step
 CLOCK = record_type(base_steps=int, fine_steps=int, level=int, calm_steps=int, evolving=int, last_step=float)
 TRIES = record_type(accepted=int, refused=int, residual=float)
+REFUSALS = record_type(refused=int, passed=int)
 VARIANT = record_type(step=int, problem=int)
 
 
@@ -145,6 +146,8 @@ class ModalState(NamedTuple):
     closed : (n,) closed gaps
     slip_rate : (n, 2) mean over the last step along j and k; empty without shear [m/s]
     tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
+    refusals : (levels,) `REFUSALS`: steps of the level refused since one was accepted, and how often since
+        the last of them the run could have gone up to it
     peaks : (n,) `romdam.timestepping.peaks.PEAKS`, over every step
     """
 
@@ -156,6 +159,7 @@ class ModalState(NamedTuple):
     closed: NDArray[np.bool_]
     slip_rate: Floats
     tries: Record
+    refusals: Record
     peaks: Record
 
 

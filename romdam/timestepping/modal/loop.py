@@ -11,7 +11,8 @@ the whole of it. The loop therefore cuts steps. A step in which the closed set o
 is refused, and the run goes one level down, to the next smaller step; only the finest level accepts such
 changes. When contact is calm again, the run goes back up. All steps lie on a grid below the base step, so
 that the propagators and flexibilities of every level are computed before the loop begins. With a single level
-this is the fixed-step scheme.
+this is the fixed-step scheme. Where every longer step is refused, as it is while many joints rub, trying them
+took up to a third of all steps; a run that was refused again and again therefore tries less often.
 
 Every mode with mass is a state, however strongly it is damped. Unknowns without mass (residual flexibilities,
 massless rock) are no states. They respond to the joint force through a flexibility R, with one relaxation
@@ -29,7 +30,7 @@ from romdam.contact.components import ALONG_J, ALONG_K, NORMAL, SHEAR_J, SHEAR_K
 from romdam.contact.cone import shear_limits, slides
 from romdam.contact.problem import GapMemory, GapProblem
 from romdam.contact.step import commit_gaps, solve_gaps
-from romdam.core.arrays import PLACE, Floats, at, put
+from romdam.core.arrays import PLACE, Floats, Record, at, put
 from romdam.core.jit import ARRAYS, VIEWS, copy, njit
 from romdam.core.system import STICK
 from romdam.timestepping.modal.arrays import (
@@ -57,6 +58,8 @@ from romdam.timestepping.modal.massless_boundary import try_conserving
 from romdam.timestepping.peaks import raise_peaks
 
 _CALM = 1  # accepted steps without a change of the closed set before a longer one is tried
+_PATIENCE = 16  # steps of a level that are refused in a row, before it is tried less often
+_RARELY = 4  # it is tried at every 2, 4, ... of the times that it could be, and at least at each 2**_RARELY
 
 
 @njit(cache=True, inline="always")
@@ -179,6 +182,13 @@ def _open_base_step(model: ModalModel, runs: Batch, work: Work, run: int) -> Non
 def _reach(levels: StepHierarchy, runs: Batch, run: int) -> float:
     """End of a run's next step within its base step, from 0 to 1."""
     return (runs.clock[run].fine_steps + levels.size[runs.clock[run].level]) / levels.size[BASE]
+
+
+@njit(cache=True, inline="always")
+def _may_go_up(refusals: Record) -> bool:
+    """Tell whether to try a level again, and count that it could have been; `REFUSALS` of that level."""
+    refusals.passed += 1
+    return bool(refusals.passed >= 1 << min(max(refusals.refused - _PATIENCE, 0), _RARELY))
 
 
 @njit(cache=True, inline="always")
@@ -328,7 +338,11 @@ def _move(
     raise_peaks(state.peaks, gaps.jump, gaps.traction, time)
     clock.fine_steps += size[l]
     state.tries.accepted += 1
-    if l > BASE and clock.calm_steps >= _CALM and clock.fine_steps % size[l - 1] == 0:
+    if l < len(size) - 1:
+        state.refusals[l].refused = 0
+        state.refusals[l].passed = 0
+    goes_up = l > BASE and clock.calm_steps >= _CALM and clock.fine_steps % size[l - 1] == 0
+    if goes_up and _may_go_up(state.refusals[l - 1]):
         clock.level -= 1
         clock.calm_steps = 0
     if clock.fine_steps < size[BASE]:
@@ -408,6 +422,8 @@ def integrate(
                 state.tries.residual = residual
                 runs.failed[run] = True
             else:  # a level down
+                state.refusals[runs.clock[run].level].refused += 1
+                state.refusals[runs.clock[run].level].passed = 0
                 runs.clock[run].level += 1
         moved = work.accepted[:accepted]
         modal_forces(model.tiles, model.values, moved, states.mean, work.r)

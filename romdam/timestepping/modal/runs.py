@@ -20,7 +20,7 @@ from romdam.contact.problem import GapMemory
 from romdam.contact.softening import failed_law
 from romdam.contact.solvers.state import condensed_contacts, iterations, solver_state
 from romdam.contact.strength import shear_strength
-from romdam.core.arrays import Floats, Ints, at, put, rows_like, stacked
+from romdam.core.arrays import Floats, Ints, Record, at, put, rows_like, stacked
 from romdam.core.errors import ConvergenceError
 from romdam.core.final_state import FinalState
 from romdam.core.motion import Motion
@@ -31,6 +31,7 @@ from romdam.timestepping.equilibrium import GapState, ended_gaps, initial_state,
 from romdam.timestepping.modal.arrays import (
     BASE,
     CLOCK,
+    REFUSALS,
     TRIES,
     VARIANT,
     Arrays,
@@ -177,11 +178,11 @@ def _arrays(
         memory=memory,
         solver=solver_state(n, n != N, (len(batch), len(levels.size))),
     )
-    states = _states(model, split, starts, runs)
+    states = _states(model, split, starts, runs, len(levels.size))
     for run, start in enumerate(starts):
         take_over(at(memory, run), start.gaps)
         if start.final is not None:
-            _go_on(at(memory, run), runs, run, start.final, levels)
+            _go_on(at(memory, run), at(states, run), runs.clock[run], start.final, levels)
     rows = rows_like(at(states.recorded, 0), int(rows_of_runs.sum()))
     put(rows, runs.rows, states.recorded)
     added = len(model.shift) > 0 or len(model.ground_jump) > 0 or len(model.carried) > 0
@@ -216,15 +217,20 @@ def _external_force(model: ModalModel, acc: Floats) -> Floats:
     return force
 
 
-def _go_on(memory: GapMemory, runs: Batch, run: int, final: FinalState, levels: StepHierarchy) -> None:
+def _go_on(
+    memory: GapMemory, state: ModalState, clock: Record, final: FinalState, levels: StepHierarchy
+) -> None:
     """Give a run what the last step of another left behind in springs, laws and the choice of steps."""
-    kept, clock = final.arrays, runs.clock[run]
+    kept = final.arrays
     memory.spring[:] = kept["spring"].ravel()
     memory.last_step[:] = kept["last_step"]
-    level, evolving, last_step, finest = kept["clock"]
+    level, evolving, last_step, finest = kept["clock"][:4]
     clock.last_step = last_step
     if finest == float(levels.step.dt.min()) and level < len(levels.size):
         clock.level, clock.evolving = int(level), int(evolving)
+    refusals = kept["clock"][4:].reshape(2, -1)
+    if refusals.shape[1] == len(levels.size):  # results of earlier versions have none
+        state.refusals["refused"], state.refusals["passed"] = refusals
 
 
 def _final_state(
@@ -260,7 +266,11 @@ def _final_state(
         "water": memory.water,
         "stored": np.array([recorded.energies.stored]),
         "clock": np.array(
-            [clock.level, clock.evolving, clock.last_step, float(arrays.levels.step.dt.min())], dtype=float
+            [
+                *(clock.level, clock.evolving, clock.last_step, arrays.levels.step.dt.min()),
+                *states.refusals["refused"],
+                *states.refusals["passed"],
+            ]
         ),
         "ground_velocity": _ground_velocity(Simulation(prepared, ground), base, start.final),
     }
@@ -303,7 +313,9 @@ def _velocity_by_forces(system: System, ground: Floats, step: float) -> float:
     return float(np.sqrt(energy / mass)) if mass > 0.0 else 0.0
 
 
-def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch) -> ModalState:
+def _states(
+    model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs: Batch, levels: int
+) -> ModalState:
     """The states that the runs start from."""
     q = np.stack([start.q[split.dynamic] for start in starts])
     gaps = stacked([start.gaps.recorded() for start in starts])
@@ -336,6 +348,7 @@ def _states(model: ModalModel, split: ModeSplit, starts: Sequence[Initial], runs
         closed=closed,
         slip_rate=slip_rate,
         tries=np.zeros(len(starts), TRIES),
+        refusals=np.zeros((len(starts), levels), REFUSALS),
         peaks=np.stack([first_peaks(start.gaps.jump, start.gaps.force) for start in starts]),
     )
 
