@@ -81,7 +81,7 @@ def _of_damping(job: Job, scene: Scene) -> Iterator[str]:
         if massive and rubs and joints_alone_hold(part, scene):
             sliding.append(part)
     names = [n for part in sliding for n in part.blocks if not brings_damping(scene.blocks[n])]
-    if names and job.config.damping.acts:
+    if names and job.config.damped:
         yield (
             f"damping: acts on what strains {', '.join(names)}, and not on their rigid motions, which joints "
             "with friction alone hold: it does not brake a slide, and swaying on closed joints has less than "

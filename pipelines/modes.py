@@ -26,6 +26,8 @@ from romdam.scene.ties import tie_joints
 
 log = logging.getLogger(__name__)
 
+_CLASSICAL = 1e-6  # coupling of modes by damping below which it is round-off
+
 Joints = Literal["tied", "bonded", "open"]
 
 
@@ -97,6 +99,13 @@ def modes(
             "shape": computed.shapes,
         }
         dataset = modes_dataset(scene, values, job, options.joints)
+        dataset.attrs["damping_coupling"] = computed.damping_coupling
+    if computed.damping_coupling > _CLASSICAL:
+        log.info(
+            "%s: damping is not classical: it couples modes by up to %.2g of their own; ratios are "
+            "phi^T C phi / (2 omega phi^T M phi) of the undamped modes",
+            job.path, computed.damping_coupling,
+        )  # fmt: skip
     if measured:
         numbers = match_modes(measured, dataset.frequency.values, dataset.motion_share.values)
         dataset = add_measured(dataset, measured, numbers)
@@ -133,6 +142,4 @@ def _with_joints(job: Job, scene: Scene, joints: Joints) -> Scene:
     if dashpots:
         whose = ", ".join(dashpots)
         log.warning("%s: modes are undamped: the dashpots of %s are left out", job.path, whose)
-    if any(block.matrices is not None and block.matrices.C is not None for block in scene.blocks.values()):
-        log.warning("%s: damping ratios are Rayleigh's: damping matrices of blocks are left out", job.path)
     return tie_joints(scene, names, job.config.every_joint, str(job.path))

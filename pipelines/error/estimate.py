@@ -39,7 +39,7 @@ def _is_wanted(job: Job) -> bool:
 
 def obstacle(job: Job) -> str:
     """Say what keeps the reduction error of a job from being estimated; empty where nothing does."""
-    if not job.config.damping.acts:
+    if not job.config.damped:
         return "without damping histories part in time whatever the basis, and their peaks are what counts"
     return ""
 

@@ -121,6 +121,12 @@ EFFECTS = {
     "masses": _known(
         "masses", lambda config: bool(config.masses), linear=True, written=False, varies=("mass",)
     ),
+    "damping by material": EffectEntry(
+        "materials.<name>.damping",
+        lambda config: any(one.damping is not None for one in config.materials.values()),
+        frozenset({"matrices", "rest", "certificate", "linear stage"}),
+        "coupled",  # where materials of unlike damping are tied; parts of one damping stay apart
+    ),
     "modal damping": _known("damping.modal", lambda config: config.damping.modal is not None, linear=True),
 }
 
@@ -142,6 +148,10 @@ _ONE_MODULUS_OF_STAGES = (
 )
 
 EXCLUDED = {
+    frozenset({"damping by material", "modal damping"}): (
+        "materials.<name>.damping: is of a material, and damping.modal gives ratios to the modes of all "
+        "together; give damping.rayleigh for the other materials, or leave one of the two out"
+    ),
     frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
     frozenset({"motion along", "moving supports"}): (
         "ground.along: moves all supports by their position, and supports[].motion one of them; give one of "

@@ -243,7 +243,7 @@ class Config(Sections):
 
     def _refuse_damping_that_the_integrator_does_not_know(self) -> None:
         name = self.transient.integrator
-        if name is not None and not INTEGRATORS[name].damped and self.damping.acts:
+        if name is not None and not INTEGRATORS[name].damped and self.damped:
             raise ValueError(
                 f"transient.integrator: {name} is for scenes without damping, and `damping` is given; "
                 "leave the integrator out, adaptive is the default there"
@@ -254,7 +254,7 @@ class Config(Sections):
             return
         lacking = {
             "joints, whose openings it is of": bool(self.every_joint),
-            "damping, without which histories part in time whatever the mesh": self.damping.acts,
+            "damping, without which histories part in time whatever the mesh": self.damped,
             "outputs.error_estimate, which states what the modes leave": self.outputs.error_estimate,
         }
         for what, there in lacking.items():
@@ -278,7 +278,7 @@ class Config(Sections):
                 f"transient.accuracy.{asked}: no joint of the job carries shear, so none has slips; "
                 "leave it out, or give a joint `friction` and `shear_stiffness`"
             )
-        if not self.damping.acts:
+        if not self.damped:
             raise ValueError(
                 f"transient.accuracy.{asked}: without `damping` runs are compared by their peak openings, "
                 "not by slips; leave it out, or give damping"

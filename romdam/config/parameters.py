@@ -124,6 +124,12 @@ def _structure_places(config: Config) -> dict[Location, float]:
         for key in ("E", "E_dynamic", "rho")
         if getattr(material, key) is not None
     }
+    places |= {
+        ("materials", name, "damping", key): float(getattr(material.damping, key))
+        for name, material in config.materials.items()
+        for key in ("ratio", "alpha", "beta")
+        if getattr(material.damping, key, None) is not None
+    }
     if config.water is not None:
         places["water", "level"] = config.water.level
     for section in ("hydrostatic", "joint_water"):
@@ -365,9 +371,10 @@ def _why_not(config: Config, path: str, section: str | None) -> str:
     return (
         f"{quote(path)} is not of the joints or the damping: it would change the reduced basis "
         "or the loads, which all runs of a suite share; vary joints.<name>.<key>, damping.<key>, "
-        "materials.<name>.E, .E_dynamic or .rho, anchors.<name>.pretension, masses.<name>.mass, "
-        "water.level, loads.hydrostatic.<number>.level, loads.joint_water.<number>.level or "
-        "loads.temperature.<number>.change (of no table), and run one suite for each value of the rest"
+        "materials.<name>.E, .E_dynamic, .rho or .damping.ratio, anchors.<name>.pretension, "
+        "masses.<name>.mass, water.level, loads.hydrostatic.<number>.level, "
+        "loads.joint_water.<number>.level or loads.temperature.<number>.change (of no table), and run one "
+        "suite for each value of the rest"
     )
 
 

@@ -34,7 +34,7 @@ class Motion(StrEnum):
     FORCES = "forces that vary in time"
     CHANNEL = "waves of a channel's sections"
     CHANNEL_RATE = "rate of the waves of a channel's sections"
-    FREE_FIELD = "motion of a column of rock against its surface, and its rate times beta"
+    FREE_FIELD = "motion of a column of rock against its surface"
     FREE_FIELD_RATE = "rate of that motion"
     FREE_FIELD_TRACTION = "traction on the lower end of a column of rock"
 

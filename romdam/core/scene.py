@@ -32,6 +32,8 @@ class Material:
     rho : density [kg/m3]
     expansion : linear thermal expansion [1/K]
     E_sustained : Young's modulus of loads that last, where it is another [Pa]
+    damping : alpha [1/s] and beta [s] of C = alpha M + beta K of what is made of it; None where it has the
+        damping of the whole scene
     """
 
     E: float
@@ -39,6 +41,7 @@ class Material:
     rho: float
     expansion: float = 0.0
     E_sustained: float | None = None
+    damping: tuple[float, float] | None = None
 
     @property
     def sustained_ratio(self) -> float:

@@ -514,6 +514,22 @@ class System:
         """Number of unknowns of the solids, which those of water with waves stand behind."""
         return self.parts["reservoir"].start if self.gyroscopic else self.size
 
+    @property
+    def effective_ratios(self) -> Floats:
+        """(2, n) frequency [Hz] and damping ratio phi^T C phi / (2 omega phi^T M phi) of each unknown.
+
+        Of a reduced system, whose unknowns phi are modes without damping. Ratios are NaN of rigid motions,
+        and both are of unknowns without mass and of water with waves.
+        """
+        M, K = self.M.diagonal()[: self.solids], self.K.diagonal()[: self.solids]
+        freq, ratio = np.full((2, self.size), np.nan)
+        heavy = np.flatnonzero(M > 0.0)
+        omega = np.sqrt(np.maximum(K[heavy] / M[heavy], 0.0))
+        freq[heavy], strained = omega / (2.0 * np.pi), omega > 0.0
+        c, some = self.C.diagonal()[heavy][strained], heavy[strained]
+        ratio[some] = c / (2.0 * omega[strained] * M[some])
+        return np.stack([freq, ratio])
+
     def damping_force(self, rate: Floats) -> Floats:
         """(C - D D^T) v for velocities v, (n,) or (n, k) [N]."""
         force = self.C @ rate
@@ -680,6 +696,8 @@ class History(GapQuantities):
     attached : (nt, k) force of each row of attachments, see `BearingRows`; empty without any [N]
     attached_peaks : (2, k) least and largest of it over every base step; dashpots over the written rows [N]
     rest : (n,) displacement of the unknowns at rest where moduli of the record are others; empty elsewhere
+    modes : (2, n) frequency [Hz] and effective damping ratio of each unknown of a reduced system, see
+        `System.effective_ratios`; empty at full order
     balance : of the forces at rest; None where the run does not begin there
     """
 
@@ -708,6 +726,7 @@ class History(GapQuantities):
     attached_peaks: Floats = field(default_factory=lambda: np.zeros((2, 0)))
     balance: RestBalance | None = None
     rest: Floats = field(default_factory=lambda: np.zeros(0))
+    modes: Floats = field(default_factory=lambda: np.zeros((2, 0)))
 
     @property
     def q(self) -> Floats | None:

@@ -1,4 +1,5 @@
-"""Damping of the solids: Rayleigh's or modal ratios, dashpots of viscous faces, matrices that blocks bring.
+"""Damping of the solids: Rayleigh's, of the scene or of each material, or modal ratios; dashpots of viscous
+faces, and matrices that blocks bring.
 
 Rayleigh damping does not act on rigid motions that joints alone hold, see `romdam.fem.damping`. The springs
 of viscous faces are part of a block's stiffness (`romdam.fem.assembly`), their dashpots stand here. Where
@@ -19,12 +20,17 @@ from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import EffectCoordinates, MeshCoordinates, ModalCoordinates
 from romdam.fem.absorbing import boundary_dashpots
+from romdam.fem.assembly import assemble_mass
 from romdam.fem.damping import (
+    brings_damping,
     further_damping,
+    further_drag,
+    material_coefficients,
     modal_coefficients,
     rayleigh_coefficients,
     rigid_drag,
 )
+from romdam.scene.ties import scene_parts
 
 
 @dataclass(frozen=True)
@@ -62,41 +68,58 @@ class SolidDamping:
     def _of_mesh(self, system: System, mesh: MeshCoordinates) -> System:
         rayleigh = self.damping.rayleigh
         alpha, beta = rayleigh_coefficients(rayleigh)
-        further, braked = csr_matrix(system.M.shape), system.M @ mesh.rigid
+        further, braked = csr_matrix(system.M.shape), alpha * (system.M @ mesh.rigid)
         for name, matrix in mesh.maps.items():
             block = self.scene.blocks[name]
             of_block = further_damping(block, rayleigh)
             if of_block is not None:
                 further = further + matrix.T @ of_block @ matrix
-            if block.matrices is not None and block.matrices.C is not None:  # in place of Rayleigh's damping
-                braked = braked - matrix.T @ (block.matrices.M @ (matrix @ mesh.rigid))
+            if (drag := further_drag(block, rayleigh)) and mesh.rigid.shape[1]:
+                braked = braked + drag * matrix.T @ (assemble_mass(block) @ (matrix @ mesh.rigid))
         C = csr_matrix(alpha * system.M + beta * system.K + csr_matrix(further))
-        if alpha == 0.0 or not mesh.rigid.shape[1]:
+        if not braked.count_nonzero():
             return replace(system, C=C)
-        return replace(system, C=C, drag=rigid_drag(alpha * braked.toarray(), mesh.rigid.toarray()))
+        return replace(system, C=C, drag=rigid_drag(braked.toarray(), mesh.rigid.toarray()))
 
     def _of_modes(self, system: System, modes: ModalCoordinates) -> System:
-        """Dashpots and matrices couple the modes: C is not diagonal then."""
-        C = np.diag(modal_coefficients(self.damping, system.K.diagonal()))
-        further = {
-            name: further_damping(block, self.damping.rayleigh) for name, block in self.scene.blocks.items()
-        }
+        """Dashpots, matrices and materials of unlike damping in one part couple the modes."""
+        rayleigh, omega2 = self.damping.rayleigh, system.K.diagonal()
+        coefficients = modal_coefficients(self.damping, omega2)
+        apart = set[str]() if modes.turns else self._of_one_damping()
+        for name in apart:
+            columns = modes.basis[name].columns
+            alpha, beta = material_coefficients(self.scene.blocks[name], rayleigh)
+            coefficients[columns] = np.where(omega2[columns] > 0.0, alpha + beta * omega2[columns], 0.0)
+        others = {name: block for name, block in self.scene.blocks.items() if name not in apart}
+        further = {name: further_damping(block, rayleigh) for name, block in others.items()}
+        C = np.diag(coefficients)
         if all(of_block is None for of_block in further.values()):
-            return replace(system, C=csr_matrix(diags_array(C.diagonal())))
-        mass = system.M.toarray()  # that Rayleigh's alpha acts on
+            return replace(system, C=csr_matrix(diags_array(coefficients)))
+        alpha, _ = rayleigh_coefficients(rayleigh)
+        braked = alpha * system.M.toarray()  # by the mass terms
         rigid = (system.K.diagonal() == 0.0) & (system.M.diagonal() > 0.0)
         free = rigid.copy()
         for name, of_block in further.items():
-            part, block = modes.basis[name], self.scene.blocks[name]
+            part, block = modes.basis[name], others[name]
             if of_block is not None:
                 C[part.columns, part.columns] += part.vectors.project(part.vectors.under(of_block))
-            if block.matrices is not None and block.matrices.C is not None:
-                mass[part.columns, part.columns] -= part.vectors.project(part.vectors.under(block.matrices.M))
+            if rigid.any() and (drag := further_drag(block, rayleigh)):
+                of_mass = part.vectors.project(part.vectors.under(assemble_mass(block)))
+                braked[part.columns, part.columns] += drag * of_mass
             if block.absorbing:  # its boundary holds it, and so not its joints alone
                 free[part.columns] = False
-        alpha, _ = rayleigh_coefficients(self.damping.rayleigh)
-        if alpha > 0.0 and rigid.any():
+        if rigid.any():
             C += alpha * np.diag(rigid)
-            D = rigid_drag(alpha * mass[:, free], np.eye(len(free))[:, free])
+            D = rigid_drag(braked[:, free], np.eye(len(free))[:, free])
             C -= D @ D.T
         return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
+
+    def _of_one_damping(self) -> set[str]:
+        """Blocks of parts all of whose materials have one damping of their own, and nothing besides."""
+        apart = set[str]()
+        for part in scene_parts(self.scene).values():
+            blocks = [self.scene.blocks[name] for name in part.blocks]
+            alike = len({block.material.damping for block in blocks}) == 1
+            if alike and not any(block.absorbing or brings_damping(block) for block in blocks):
+                apart |= {*part.blocks} if blocks[0].material.damping is not None else set()
+        return apart

@@ -8,10 +8,11 @@ springs that its motion leaves unstrained,
 
     F = int N sigma(w + beta w') n dA + C_b w' + K_b (w + beta w'),
 
-the bottom's traction being that on the column's lower end. A box of rock alone then moves as the column
-does; with a dam and a valley in it the boundary acts on what they scatter. w follows from the record's
-acceleration by its values up to a wave's travel time before and after, so that no drift of the record's
-displacement matters, and the rock begins to move before the record does: so does the integration.
+beta that of the rock's material at each place, the bottom's traction being that on the column's lower end. A
+box of rock alone then moves as the column does; with a dam and a valley in it the boundary acts on what they
+scatter. w follows from the record's acceleration by its values up to a wave's travel time before and after,
+so that no drift of the record's displacement matters, and the rock begins to move before the record does: so
+does the integration.
 
 Motion that the mesh cannot carry (fewer than about three elements to a wavelength) has no such field: it is
 left out of the record. So is what damping would amplify on the way down beyond a limit: the surface hardly
@@ -42,7 +43,7 @@ from romdam.core.system import Complex, Histories, PseudoStatic, Rates, System
 from romdam.effects.effect import EffectCoordinates
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.column import layer_motion, respond, shapes, slopes, wave_moduli
-from romdam.fem.damping import rayleigh_coefficients
+from romdam.fem.damping import material_coefficients, rayleigh_coefficients
 from romdam.fem.material import lame
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements
@@ -66,7 +67,7 @@ class Deconvolution:
     Attributes
     ----------
     field : the layers
-    damping : alpha [1/s], beta [s] of Rayleigh's
+    damping : alpha [1/s], beta [s] of materials without damping of their own
     """
 
     field: FreeField
@@ -133,7 +134,7 @@ class Deconvolution:
         )
         wrong = (off / np.maximum(size, np.finfo(float).tiny)).max(axis=1)
         return _Component(
-            spectra=(acc[None], motion + self.damping[1] * rate, rate, traction),
+            spectra=(acc[None], motion, rate, traction),
             cut=float(freq[np.argmax(passed < 1.0)]) if (passed < 1.0).any() else np.inf,
             amplified=bool((amplified > _AMPLIFIED[0]).any()),
             off=float(wrong[-1]) if acc.any() else 0.0,
@@ -147,8 +148,8 @@ class _Component:
 
     Attributes
     ----------
-    spectra : (rows, frequencies) of the acceleration, of motion and its rate times beta, of the rate and of
-        the traction on the lower end
+    spectra : (rows, frequencies) of the acceleration, of the motion, of its rate and of the traction on the
+        lower end
     cut : frequency from which on the record is left out, gradually [Hz]
     amplified : whether damping is among the reasons
     off : largest distance of a depth's motion from that in continuous layers, in L2
@@ -232,7 +233,11 @@ def incoming_waves(scene: Scene, damping: DampingConfig) -> IncomingWaves | None
     if field is None or drive is None:
         return None
     absorbing = {name: block for name, block in scene.blocks.items() if block.absorbing}
-    return IncomingWaves(drive, {name: boundary_load(block, field) for name, block in absorbing.items()})
+    forces = {
+        name: boundary_load(block, field, material_coefficients(block, damping.rayleigh)[1])
+        for name, block in absorbing.items()
+    }
+    return IncomingWaves(drive, forces)
 
 
 def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolution | None:
@@ -255,11 +260,15 @@ def field_shapes(block: Block, field: FreeField) -> csr_matrix:
     return csr_matrix(kron(shapes(field, block.points[:, 2]), eye_array(3)))
 
 
-def boundary_load(block: Block, field: FreeField) -> csr_matrix:
+def boundary_load(block: Block, field: FreeField, beta: float) -> csr_matrix:
     """Effective forces on a block's absorbing faces, (3 n, 6 nodes of the column + 3).
 
     For unit motion and unit rate of every node of the column below the surface along x, y, z, and for unit
     traction on its lower end.
+
+    Parameters
+    ----------
+    beta : of the block's damping [s]
     """
     moving, points, size = field_shapes(block, field), block.points, len(block.points)
     lam, mu = lame(block.material)
@@ -288,7 +297,7 @@ def boundary_load(block: Block, field: FreeField) -> csr_matrix:
             whole = _over_nodes(facets, area[:, :, None, None] * np.eye(3), size)
             bottom = bottom + csr_matrix(whole @ kron(np.ones((len(facets), 1)), identity))
     follow = side + boundary_springs(block) @ moving
-    return csr_matrix(hstack([follow, boundary_dashpots(block) @ moving, bottom]))
+    return csr_matrix(hstack([follow, boundary_dashpots(block) @ moving + beta * follow, bottom]))
 
 
 def _over_nodes(facets: Ints, forces: Floats, nodes: int) -> csr_matrix:

@@ -571,6 +571,16 @@ _REDUCTION = (
          "effects/test_moduli_by_duration.py::test_in_an_elastic_scene_both_states_superpose"),
     ),
     Approximation(
+        "Rayleigh damping of materials",
+        ("fem.damping", "effects.damping"),
+        "C of every material's own K and M on the mesh, projected onto the bases; parts of unlike materials "
+        "have coupled modes",
+        "exact",
+        ("effects/test_damping_by_material.py::"
+         "test_pounding_bars_of_three_dampings_move_as_by_scipy",
+         "effects/test_damping_by_material.py::test_mass_terms_do_not_brake_what_joints_alone_hold"),
+    ),
+    Approximation(
         "stages of construction",
         ("effects.construction:construction",),
         "every stage is an equilibrium of the blocks that are there",

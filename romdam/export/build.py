@@ -59,6 +59,7 @@ _REMEDIES = {
     "force_histories": ("loads.force_history", "leave it out"),
     "construction": ("construction", "leave it out"),
     "initial": ("loads.initial_state.result", "let the run start from rest: static"),
+    "damping": ("materials.<name>.damping", "leave it out: damping.rayleigh is written for all solids"),
     "moving": ("supports[].motion, or ground.along", "let all supports move as the base does"),
 }
 _SOLVED = (
@@ -152,7 +153,7 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
     """
     for block in scene.blocks.values():
         refuse_unknown(block, _OF_BLOCK, _WRITTEN, _REMEDIES)
-        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN)
+        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN, _REMEDIES)
     for joint in scene.joints.values():
         refuse_unknown(joint, _OF_JOINT, _WRITTEN)
     if scene.reservoir is not None:

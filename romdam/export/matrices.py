@@ -30,8 +30,8 @@ from romdam.core.sealed import creating
 from romdam.core.system import System
 from romdam.fem.assembly import assemble, inertia
 from romdam.fem.damping import (
-    brings_damping,
     further_damping,
+    further_drag,
     joints_alone_hold,
     rayleigh_coefficients,
     rigid_drag,
@@ -53,7 +53,7 @@ _WRITTEN = "written as matrices"
 _OF_BLOCK = {
     "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",
 }  # fmt: skip
-_OF_MATERIAL = {"E", "nu", "rho", "expansion"}
+_OF_MATERIAL = {"E", "nu", "rho", "expansion", "damping"}
 _OF_SYSTEM = {
     "M", "C", "K", "B", "load", "force", "load_steps", "observe", "at_point", "point_shift", "law", "parts",
     "diagonal", "floating", "reduced", "motions", "drag", "uplift", "extent",
@@ -168,14 +168,19 @@ def _unreduced(scene: Scene, block: Block, gaps: csr_matrix, damping: DampingCon
         gaps=csr_matrix(gaps[:, some]),
         inertia=inertia(block, M)[some],
         force=surface_force(scene, block.name).reshape(-1, 1)[some],
-        drag=_drag(scene, block, K, M, alpha)[some],
+        drag=_drag(scene, block, K, M, alpha + further_drag(block, damping.rayleigh))[some],
     )
 
 
 def _drag(scene: Scene, block: Block, K: csr_matrix, M: csr_matrix, alpha: float) -> Floats:
-    """D of a block, see `romdam.fem.damping`; without columns where not joints alone hold it."""
+    """D of a block, see `romdam.fem.damping`; without columns where not joints alone hold it.
+
+    Parameters
+    ----------
+    alpha : of the mass term of its damping [1/s]
+    """
     part = next(part for part in scene_parts(scene).values() if block.name in part.blocks)
-    if alpha == 0.0 or brings_damping(block) or not joints_alone_hold(part, scene):
+    if alpha == 0.0 or not joints_alone_hold(part, scene):
         return np.zeros((K.shape[0], 0))
     if len(part.blocks) > 1:
         log.warning(

@@ -6,7 +6,8 @@ relative to the free surface. Unknowns from the surface down satisfy, one elemen
 
     M w'' + C w' + K w = -M r a_g,   w = 0 at the surface, C = alpha M + beta K,
 
-for each frequency; what is left over at the last node is the traction that the rock below exerts.
+for each frequency, alpha and beta those of the element's material; what is left over at the last node is the
+traction that the rock below exerts.
 """
 
 from __future__ import annotations
@@ -90,16 +91,17 @@ def respond(
     ----------
     component : of motion, 0 to 2
     rates : acceleration and velocity (nf,) of a unit displacement
-    damping : alpha [1/s], beta [s] of Rayleigh's
+    damping : alpha [1/s], beta [s] of materials without damping of their own
     """
-    (acc, vel), (alpha, beta), p = rates, damping, field.order
+    (acc, vel), p = rates, field.order
     values, gradient = _lagrange(p, _XI)
-    inertia, stiffness = (acc + alpha * vel)[:, None, None], (1.0 + beta * vel)[:, None, None]
     top, above, motion = np.zeros_like(acc), np.zeros_like(acc), []
     for height, material in zip(-np.diff(field.levels), field.materials, strict=True):
         M = material.rho * height * (values.T * _WEIGHT) @ values
         K = wave_moduli(material)[component] / height * (gradient.T * _WEIGHT) @ gradient
-        D, load = inertia * M + stiffness * K, M.sum(axis=1)
+        alpha, beta = material.damping or damping
+        D = (acc + alpha * vel)[:, None, None] * M + (1.0 + beta * vel)[:, None, None] * K
+        load = M.sum(axis=1)
         known = D[:, :p, 0] * top[:, None] + load[:p]
         known[:, 0] += above
         below = -np.linalg.solve(D[:, :p, 1:], known[..., None])[..., 0]
@@ -113,29 +115,32 @@ def layer_motion(field: FreeField, component: int, omega: Floats, damping: tuple
     """Total motion of the column's nodes below the surface for a unit motion of it, in continuous layers.
 
     Waves of complex moduli G (1 + i beta omega); alpha acts on the motion against the surface alone. Neither
-    elements nor steps take part, so that this is what the column should do.
+    elements nor steps take part, so that this is what the column should do. With c = omega^2 / (omega^2 -
+    i alpha omega) the sum of w and c satisfies the wave equation of its layer.
 
     Parameters
     ----------
     omega : (nf,) above zero [rad/s]
+    damping : alpha [1/s], beta [s] of materials without damping of their own
 
     Returns
     -------
     (nf, nodes)
     """
-    alpha, beta = damping
-    inertia = omega**2 - 1j * alpha * omega
-    moved, traction = np.ones(len(omega), dtype=complex), np.zeros(len(omega), dtype=complex)
+    motion, traction = np.zeros(len(omega), dtype=complex), np.zeros(len(omega), dtype=complex)
     nodes = []
     for height, material in zip(-np.diff(field.levels), field.materials, strict=True):
-        modulus = wave_moduli(material)[component] * (1.0 + 1j * beta * omega)
+        alpha, beta = material.damping or damping
+        inertia = omega**2 - 1j * alpha * omega
+        constant, modulus = omega**2 / inertia, wave_moduli(material)[component] * (1.0 + 1j * beta * omega)
         wave = np.sqrt(material.rho * inertia / modulus)
         step = height / field.order
         cosine, sine = np.cos(wave * step), np.sin(wave * step)
         for _ in range(field.order):
-            moved, traction = (
-                moved * cosine + traction * sine / (modulus * wave),
+            moved = motion + constant
+            motion, traction = (
+                moved * cosine + traction * sine / (modulus * wave) - constant,
                 traction * cosine - moved * modulus * wave * sine,
             )
-            nodes.append(moved)
-    return np.asarray(1.0 - (omega**2 / inertia)[:, None] * (1.0 - np.stack(nodes, axis=1)))
+            nodes.append(motion)
+    return np.asarray(1.0 + np.stack(nodes, axis=1))

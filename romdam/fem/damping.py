@@ -11,6 +11,10 @@ which is symmetric and positive semidefinite and has C R = 0. As K R = 0, D is s
 R^T M R = 1; in open-joint modes alpha is left off those of zero frequency. Dashpots of viscous boundaries,
 damping in water and a damping matrix that a block brings act on rigid motions as on any other.
 
+A material may have Rayleigh damping of its own: C_a = alpha M + beta K + sum_b (alpha_b - alpha) M_b +
+(beta_b - beta) K_b over the blocks b of such materials, K_b of the record's modulus. The first two terms are
+of the scene with the mass of water, attached masses and the stiffness of anchors, which have no material.
+
 References
 ----------
 Hall, J. F. (2006), Problems encountered from the use (or misuse) of Rayleigh damping, Earthquake Engineering
@@ -26,6 +30,7 @@ from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.arrays import Bools, Floats
 from romdam.core.scene import Block, Scene
 from romdam.fem.absorbing import boundary_dashpots
+from romdam.fem.assembly import assemble
 from romdam.linalg.modes.rigid import rigid_modes
 from romdam.scene.supports import motions_of_pieces
 from romdam.scene.ties import Part
@@ -34,28 +39,43 @@ _DRAG = 1e-9  # of the largest drag on a rigid motion, below which it is round-o
 
 
 def rayleigh_coefficients(rayleigh: RayleighConfig | None) -> tuple[float, float]:
-    """(alpha [1/s], beta [s]) of C = alpha M + beta K; both zero without Rayleigh damping.
+    """(alpha [1/s], beta [s]) of C = alpha M + beta K; both zero without Rayleigh damping."""
+    return (0.0, 0.0) if rayleigh is None else rayleigh.coefficients
 
-    Two frequencies with one ratio xi give alpha = 2 xi w1 w2 / (w1 + w2), beta = 2 xi / (w1 + w2).
+
+def material_coefficients(block: Block, rayleigh: RayleighConfig | None) -> tuple[float, float]:
+    """(alpha [1/s], beta [s]) of a block: of its material, or else those of the whole scene."""
+    return rayleigh_coefficients(rayleigh) if block.material.damping is None else block.material.damping
+
+
+def further_damping(
+    block: Block, rayleigh: RayleighConfig | None, *, dashpots: bool = True
+) -> csr_matrix | None:
+    """Damping of a block besides the scene's alpha M + beta K, (3 n, 3 n) [N s/m]; None where it has nothing.
+
+    Dashpots of absorbing faces, where they are asked for, and what stands in the place of the scene's
+    Rayleigh damping: that of the block's material, or a damping matrix that the block brings.
     """
-    if rayleigh is None:
-        return 0.0, 0.0
-    if rayleigh.frequencies is None or rayleigh.ratio is None:
-        return float(rayleigh.alpha or 0.0), float(rayleigh.beta or 0.0)
-    w1, w2 = (2.0 * np.pi * f for f in rayleigh.frequencies)
-    return 2.0 * rayleigh.ratio * w1 * w2 / (w1 + w2), 2.0 * rayleigh.ratio / (w1 + w2)
-
-
-def further_damping(block: Block, rayleigh: RayleighConfig | None) -> csr_matrix | None:
-    """Damping of a block besides Rayleigh's, (3 n, 3 n) [N s/m]; None where it has nothing.
-
-    Dashpots of absorbing faces, and a damping matrix that the block brings, which stands in Rayleigh's place.
-    """
-    brought = block.matrices
-    if brought is None or brought.C is None:
-        return boundary_dashpots(block) if block.absorbing else None
     alpha, beta = rayleigh_coefficients(rayleigh)
-    return csr_matrix(brought.C - alpha * brought.M - beta * brought.K + boundary_dashpots(block))
+    further = boundary_dashpots(block) if block.absorbing and dashpots else None
+    brought = block.matrices
+    if brought is not None and brought.C is not None:
+        own = brought.C - alpha * brought.M - beta * brought.K
+    elif (of_material := material_coefficients(block, rayleigh)) != (alpha, beta):
+        K, M = assemble(block)
+        own = (of_material[0] - alpha) * M + (of_material[1] - beta) * K
+    else:
+        return further
+    return csr_matrix(own if further is None else own + further)
+
+
+def further_drag(block: Block, rayleigh: RayleighConfig | None) -> float:
+    """What the mass term of a block's damping is more than the scene's alpha [1/s].
+
+    A damping matrix that a block brings has no such term: it acts on rigid motion as it says.
+    """
+    alpha = 0.0 if brings_damping(block) else material_coefficients(block, rayleigh)[0]
+    return alpha - rayleigh_coefficients(rayleigh)[0]
 
 
 def joints_alone_hold(part: Part, scene: Scene) -> bool:
@@ -82,7 +102,8 @@ def rigid_drag(inertia: Floats, R: Floats) -> Floats:
 
     Parameters
     ----------
-    inertia : (n, r) alpha M R, the forces of the mass term on the motions at unit velocity
+    inertia : (n, r) the forces of the mass terms on the motions at unit velocity, alpha M R where all have
+        one alpha
     R : (n, r) the motions; those without drag have no column of D
     """
     drag, V = np.linalg.eigh(R.T @ inertia)

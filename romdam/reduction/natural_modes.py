@@ -18,8 +18,15 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, Scene
 from romdam.effects.added_mass import AddedMass, added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
-from romdam.fem.assembly import inertia
-from romdam.fem.damping import modal_coefficients, rayleigh_coefficients, rigid_drag, sliding_motions
+from romdam.fem.assembly import assemble_mass, inertia
+from romdam.fem.damping import (
+    further_damping,
+    further_drag,
+    modal_coefficients,
+    rayleigh_coefficients,
+    rigid_drag,
+    sliding_motions,
+)
 from romdam.fem.gaps import gap_law, gap_operators
 from romdam.fem.parts import Unknowns, unknowns
 from romdam.geometry.meshes.quality import sound_volume
@@ -42,8 +49,11 @@ class NaturalModes:
     Attributes
     ----------
     freq : (m,) [Hz], zero of rigid motions
-    damping_ratio : (m,) phi^T C phi / (2 omega phi^T M phi) of the damping that runs have; NaN of rigid
-        motions, and of bonded joints where ratios are given, which are of the modes with open joints
+    damping_ratio : (m,) phi^T C phi / (2 omega phi^T M phi) of undamped modes, C the damping of the solids
+        in runs; NaN of rigid motions, and of bonded joints where ratios are given, which are of the modes
+        with open joints
+    damping_coupling : largest |phi_i^T C phi_k| over the mean of the two modes' own, i not k: zero where the
+        damping is classical and modes of the damped structure are those of the undamped one
     shapes : block -> (m, n, 3), the largest displacement of all nodes is 1
     modal_mass : (m,) phi^T M phi of these shapes [kg]
     participation : (m, 3) phi^T M r / (phi^T M phi)
@@ -56,6 +66,7 @@ class NaturalModes:
 
     freq: Floats
     damping_ratio: Floats
+    damping_coupling: float
     shapes: dict[str, Floats]
     modal_mass: Floats
     participation: Floats
@@ -124,9 +135,11 @@ def natural_modes(
     shapes = {name: _shapes(matrix, modes) for name, matrix in numbered.of_block.items()}
     scale = _scale(shapes)
     factor = modes.T @ load * scale[:, None]
+    ratio, coupling = _damping(scene, damping, replace(pencil, M=M), omega2, modes, bonded)
     return NaturalModes(
         freq=np.sqrt(omega2) / (2.0 * np.pi),
-        damping_ratio=_ratios(scene, damping, replace(pencil, M=M), omega2, modes, bonded),
+        damping_ratio=ratio,
+        damping_coupling=coupling,
         shapes={name: own / scale[:, None, None] for name, own in shapes.items()},
         modal_mass=1.0 / scale**2,
         participation=factor,
@@ -207,12 +220,12 @@ def _motion(pencil: _Pencil, modes: Floats) -> Floats:
     return np.asarray(along / along.sum(axis=1, keepdims=True))
 
 
-def _ratios(
+def _damping(
     scene: Scene, damping: DampingConfig, pencil: _Pencil, omega2: Floats, modes: Floats, bonded: bool
-) -> Floats:
-    """Damping ratios of M-orthonormal modes, see `NaturalModes`; M of the pencil with the water's."""
+) -> tuple[Floats, float]:
+    """Damping ratios of M-orthonormal modes and their coupling, see `NaturalModes`; M with the water's."""
     if damping.modal is not None:
-        c = np.full_like(omega2, np.nan) if bonded else modal_coefficients(damping, omega2)
+        C = np.diag(np.full_like(omega2, np.nan) if bonded else modal_coefficients(damping, omega2))
     else:
         alpha, beta = rayleigh_coefficients(damping.rayleigh)
         numbered, rigid = unknowns(scene), []
@@ -220,12 +233,27 @@ def _ratios(
             rows = numbered.parts[name]
             of_part = pencil.K_open[rows, rows], pencil.M[rows, rows]
             rigid.append(sliding_motions(part, scene, *of_part, numbered.free[name]))
-        c, R = alpha + beta * (modes * (pencil.K_open @ modes)).sum(axis=0), block_diag(*rigid)
-        if R.shape[1]:
-            c -= ((rigid_drag(alpha * (pencil.M @ R), R).T @ modes) ** 2).sum(axis=0)
+        R = block_diag(*rigid)
+        C, braked = alpha * np.eye(len(omega2)) + beta * modes.T @ (pencil.K_open @ modes), pencil.M @ R
+        braked *= alpha
+        for name, block in scene.blocks.items():
+            spread = numbered.of_block[name]
+            further = further_damping(block, damping.rayleigh, dashpots=False)
+            if further is not None:
+                shapes = spread @ modes
+                C += shapes.T @ (further @ shapes)
+            if R.shape[1] and (drag := further_drag(block, damping.rayleigh)):
+                braked += drag * spread.T @ (assemble_mass(block) @ (spread @ R))
+        on_rigid = rigid_drag(braked, R).T @ modes if R.shape[1] else np.zeros((0, len(omega2)))
+        C -= on_rigid.T @ on_rigid
+    c = C.diagonal()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = c / (2.0 * np.sqrt(omega2))
-    return np.where(omega2 > 0.0, ratio, np.nan)
+    strained = omega2 > 0.0
+    others = np.abs(C - np.diag(c))[np.ix_(strained, strained)]
+    mean = np.sqrt(np.outer(c[strained], c[strained]))
+    coupling = np.divide(others, mean, out=np.zeros_like(others), where=mean > 0.0)
+    return np.where(strained, ratio, np.nan), float(coupling.max(initial=0.0))
 
 
 def total_mass(scene: Scene, water: AddedMass | None) -> Floats:

@@ -112,6 +112,10 @@ class Case:
         """Tell whether there are output nodes whose motion over all steps is known."""
         return self.history.node_peaks.size > 0
 
+    def has_effective_ratios(self) -> bool:
+        """Tell whether the damping ratio of every coordinate of a reduced model is known."""
+        return self.history.modes.size > 0
+
     def is_balanced(self) -> bool:
         """Tell whether the run begins at rest, where the forces balance."""
         return self.history.balance is not None
@@ -248,6 +252,18 @@ class Variable:
         """Its attributes in a file."""
         units: Attributes = {"units": self.units} if self.units else {}
         return {"long_name": self.long_name, **self.attributes, **units}
+
+
+def damping_statement(scene: Scene) -> str:
+    """Say which blocks have damping of their materials' own; empty where none has."""
+    blocks = dict[tuple[float, float], list[str]]()
+    for name, block in scene.blocks.items():
+        if block.material.damping is not None:
+            blocks.setdefault(block.material.damping, []).append(name)
+    return "; ".join(
+        f"{listed(names)}: alpha = {alpha:.4g} 1/s, beta = {beta:.4g} s of their own M and K"
+        for (alpha, beta), names in blocks.items()
+    )
 
 
 def moduli_statement(scene: Scene) -> str:

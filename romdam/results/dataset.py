@@ -28,7 +28,7 @@ from romdam.core.version import SOURCE
 from romdam.postprocess.floor_spectra import statement as floor_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
-from romdam.results.case import moduli_statement, rock_blocks, upstream_of
+from romdam.results.case import damping_statement, moduli_statement, rock_blocks, upstream_of
 from romdam.results.case_warnings import case_warnings
 from romdam.results.checking import check_run
 from romdam.results.final_state import write_final_state
@@ -91,6 +91,8 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         attributes["upstream"] = upstream
     if moduli := moduli_statement(scene):
         attributes["moduli"] = moduli
+    if damping := damping_statement(scene):
+        attributes["material_damping"] = damping
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
         "source": SOURCE,

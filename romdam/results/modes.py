@@ -26,7 +26,7 @@ _COLUMNS = ("frequency", "name", "mode", "damping", "direction")
 _MEANING: dict[str, tuple[tuple[str, ...], str, str]] = {
     "frequency": (("mode",), "Hz", "natural frequency, zero of a rigid motion"),
     "dry_frequency": (("mode",), "Hz", "natural frequency of the same number without water"),
-    "damping_ratio": (("mode",), "1", "damping ratio of the mode by the damping that runs have"),
+    "damping_ratio": (("mode",), "1", "phi^T C phi / (2 omega phi^T M phi), of the solids' damping C"),
     "modal_mass": (("mode",), "kg", "phi^T M phi, with a largest displacement of 1"),
     "participation_factor": (("mode", "direction"), "1", "phi^T M r / (phi^T M phi)"),
     "effective_mass": (("mode", "direction"), "kg", "effective modal mass"),

@@ -440,6 +440,20 @@ VARIABLES: dict[str, Variable] = {
         lambda c: np.asarray(c.history.q),
         lambda c: c.history.q is not None,
     ),
+    "mode_frequency": Variable(
+        ("mode",),
+        "Hz",
+        "natural frequency of the coordinate, joints open, without damping",
+        lambda c: c.history.modes[0],
+        Case.has_effective_ratios,
+    ),
+    "mode_damping_ratio": Variable(
+        ("mode",),
+        "1",
+        "effective damping ratio phi^T C phi / (2 omega phi^T M phi) of the coordinate, joints open",
+        lambda c: c.history.modes[1],
+        Case.has_effective_ratios,
+    ),
     "peak_opening": Variable(
         ("joint",),
         "m",

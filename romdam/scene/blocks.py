@@ -23,10 +23,11 @@ def materials_of(config: Config) -> dict[str, Material]:
 
 def material_of(material: MaterialConfig) -> Material:
     """A material of a configuration; E_sustained is None where its moduli are one."""
-    E, nu, rho, expansion = material.E, material.nu, material.rho, material.expansion
-    if material.E_dynamic in (None, E):
-        return Material(E, nu, rho, expansion)
-    return Material(material.E_dynamic, nu, rho, expansion, E_sustained=E)
+    E, E_sustained = material.E, None
+    if material.E_dynamic is not None and material.E_dynamic != E:
+        E, E_sustained = material.E_dynamic, material.E
+    damping = None if material.damping is None else material.damping.coefficients
+    return Material(E, material.nu, material.rho, material.expansion, E_sustained, damping)
 
 
 def dam_of(config: Config, materials: dict[str, Material], source: str) -> Dam:

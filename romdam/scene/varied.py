@@ -12,7 +12,7 @@ from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Hydrostatic, Joint, Scene
+from romdam.core.scene import Block, FreeField, Hydrostatic, Joint, Material, Scene
 from romdam.scene.attachments import AttachmentPlaces, build_attachments
 from romdam.scene.blocks import material_of
 from romdam.scene.joint_water.build import with_water
@@ -68,12 +68,29 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
     return replace(
         scene,
         attachments=attached,
+        free_field=_layers(scene, blocks, source),
         blocks=blocks,
         joints=joints,
         reservoir=reservoir,
         water=tuple(water),
         warmed=warmed,
     )
+
+
+def _layers(scene: Scene, blocks: Mapping[str, Block], source: str) -> FreeField | None:
+    """The layers of the free field, of the materials that their rock has now."""
+    field = scene.free_field
+    if field is None:
+        return None
+    now = dict[Material, Material]()
+    for name in sorted(field.blocks):
+        then, material = scene.blocks[name].material, blocks[name].material
+        if now.setdefault(then, material) != material:
+            raise ConfigError(
+                f"{source}: materials: block {name!r} and others of the rock have the same values, and not "
+                "all of them change; free_field takes one material at each level: vary them together"
+            )
+    return replace(field, materials=tuple(now.get(layer, layer) for layer in field.materials))
 
 
 def _with_elements(
@@ -124,7 +141,7 @@ def part_factors(scene: Scene, varied: Scene, source: str) -> dict[str, tuple[fl
     factors = dict[str, tuple[float, float]]()
     for part in scene_parts(scene).values():
         pairs = [(scene.blocks[name].material, varied.blocks[name].material) for name in part.blocks]
-        if all(before == after for before, after in pairs):
+        if all(replace(before, damping=after.damping) == after for before, after in pairs):
             continue
         stiffness = {after.E / before.E for before, after in pairs}
         lasting = {after.sustained_ratio / before.sustained_ratio for before, after in pairs}

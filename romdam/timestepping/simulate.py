@@ -120,6 +120,8 @@ def simulate(
             history = replace(history, warnings=(*history.warnings, *on_path[simulation.prepared]))
             if system.sustained is not None and system.sustained.rest is not None:
                 history = replace(history, rest=system.sustained.rest)
+            if system.reduced:
+                history = replace(history, modes=system.effective_ratios)
             if system.built is not None:
                 history = replace(history, built=system.built)
             if every_step:

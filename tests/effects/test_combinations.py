@@ -144,6 +144,12 @@ KEYS = {
         }
     },
     "modal damping": {"damping": {"modal": 0.04}},
+    "damping by material": {
+        "materials": {
+            "concrete": {"damping": {"frequencies": [2.0, 20.0], "ratio": 0.08}},
+            "rock": {"damping": {"alpha": 0.3, "beta": 4e-4}},
+        }
+    },
     "moduli by duration": {"materials": {"concrete": {"E_dynamic": 4.5e9}, "rock": {"E_dynamic": 2.4e9}}},
 }
 
@@ -164,6 +170,9 @@ def job(*effects):
             rock = box([0, -10, -4], [8, 16, 4], [2, 4, 2], "rock")
             continue
         for section, keys in KEYS[name].items():
+            if section == "materials":
+                already = asked.get(section, {})
+                keys = {name: already.get(name, {}) | values for name, values in keys.items()}
             asked[section] = keys if isinstance(keys, list) else asked.get(section, {}) | keys
     rests = [
         {"block": "right", "face": "zmin"} | ({"motion": asked["supports"]} if "supports" in asked else {})

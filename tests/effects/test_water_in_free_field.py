@@ -82,7 +82,7 @@ def harmonic(system, omega, axis):
             answer = respond(drive.field, axis, rates, drive.damping)
             motion = np.zeros((answer.motion.shape[1], 3), dtype=complex)
             motion[:, axis] = answer.motion[0]
-            rows[Motion.FREE_FIELD] = (1.0 + 1j * omega * drive.damping[1]) * motion.ravel()
+            rows[Motion.FREE_FIELD] = motion.ravel()
             rows[Motion.FREE_FIELD_RATE] = 1j * omega * motion.ravel()
             rows[Motion.FREE_FIELD_TRACTION] = np.eye(3)[axis] * answer.traction[0]
     return system.followed(rows)

@@ -503,9 +503,17 @@ def _touching() -> dict[str, Any]:
     }
 
 
+def _own_damping() -> dict[str, Any]:
+    """Materials with damping of their own, and a linear stage that has it as hysteretic."""
+    raw = _touching()
+    raw["materials"]["concrete"]["damping"] = {"frequencies": ["4 Hz", "25 Hz"], "ratio": "4 %"}
+    return raw | {"model": {"modes": 2}}
+
+
 BASES: dict[str, dict[str, Any]] = {
     "two": _TWO,
     "touching": _touching(),
+    "own damping": _own_damping(),
     "arch": _arch(),
     "gravity": _gravity(),
     "suite": _suite(),

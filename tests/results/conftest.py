@@ -100,6 +100,7 @@ def make_history(gaps: int, directions: int, reduced: bool) -> History:
         forces=time[:, None],
         dissipated_energy=rng.random(size=(STEPS, gaps)).cumsum(axis=0),
         uplift=RestUplift(np.zeros(gaps), np.linspace(0.0, 1.0, gaps), 3, 0.0), built=built,
+        modes=np.array([np.arange(2.0, 9.0), np.full(7, 0.05)]) if reduced else np.zeros((2, 0)),
         balance=RestBalance(
             ("whole dam", "left"), np.zeros((2, 3)), *np.ones((3, 2, 6)), np.array([1e-12, 2e-12])
         ),

@@ -208,6 +208,7 @@ def make_history():
         dissipated_energy=rows_of([0, 0.1, 0.2, 0.5, 0.8, 1.0], [10, 20, 1, 2, 4]),
         disp=MM * rows_of(MOVED, BACK), vel=rows_of(10 * MOVED, BACK), acc=rows_of(200 * MOVED, BACK),
         coordinates=Coordinates.of(rows_of(MOVED, [3, 7]), rows_of(MOVED, [5, 11])), energy=energy,
+        modes=np.array([[2.5, 4.0], [0.05, 0.03]]),
         peaks=peaks, stats=stats, integrator="modal", supports=rows_of(LOAD, [7, 8, 9]),
         gap=MM * np.array([1, 3, 0, 1, 0]), ground=rows_of(LOAD, [0.2, 0.3, 0.5]),
         forces=rows_of(LOAD, [6e3]), attached=rows_of(LOAD, [2e3, 3e3, 5e3]),
@@ -364,6 +365,8 @@ EXPECTED_OF_MOTION = {
     "support_displacement": (3, [[28, 32, 36]]),
     **{f"energy_{term}": (slice(3, 6), number * np.array([4, 2, 2.5])) for term, number in TERMS.items()},
     "reduced_coordinates": (2, [-9, -21]),
+    "mode_frequency": (WHOLE, [2.5, 4.0]),
+    "mode_damping_ratio": (WHOLE, [0.05, 0.03]),
 }
 EXPECTED_OF_FLOORS = {  # the second damping along y
     "floor_spectrum": ((0, 1, 1), [7, 8]),

@@ -241,6 +241,9 @@ def test_the_whole_is_validated_not_only_the_section():
         vary(config, {"p": key}, {"p": 1e5}, "job.yaml")
 
 
+OWN_DAMPING: dict[str, Any] = {
+    "materials": {"concrete": CONCRETE | {"damping": {"frequencies": ["4 Hz", "30 Hz"], "ratio": "6 %"}}}
+}
 RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "joints.gap.asperities.height": ("0.01 mm", {}),
     "joints.gap.asperities.mu_smooth": ("0.3", {}),
@@ -251,6 +254,7 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "damping.rayleigh.ratio": ("3 %", {}),
     "damping.modal": ("3 %", {"damping": {"modal": "6 %"}}),
     "materials.concrete.E": ("22 GPa", {}),
+    "materials.concrete.damping.ratio": ("3 %", OWN_DAMPING),
     "materials.concrete.rho": ("2700 kg/m3", {}),
     "water.level": ("9 m", {"water": {"level": 12, "faces": FACES, "model": "incompressible"}}),
     "loads.hydrostatic.1.level": ("11 m", {}),

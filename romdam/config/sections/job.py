@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, Tag, model_validator
@@ -56,6 +57,46 @@ Positive = Field(gt=0.0)
 Edges = tuple[Annotated[Length, Positive], Annotated[Length, Positive], Annotated[Length, Positive]]
 
 
+class RayleighConfig(Model):
+    """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
+
+    frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
+    """Two frequencies at which damping has this ratio."""
+    ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
+    """Damping ratio, of critical damping, at the two frequencies."""
+    alpha: Annotated[AngularFrequency, NonNegative] | None = None
+    """Coefficient of the mass matrix."""
+    beta: Annotated[Time, NonNegative] | None = None
+    """Coefficient of the stiffness matrix."""
+
+    @model_validator(mode="after")
+    def _one_form(self) -> Self:
+        by_ratio = self.frequencies is not None and self.ratio is not None
+        by_coefficient = self.alpha is not None and self.beta is not None
+        count = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
+        if count != 2 or by_ratio == by_coefficient:
+            raise ValueError("give either `frequencies` and `ratio`, or `alpha` and `beta`")
+        if self.frequencies is not None and self.frequencies[0] == self.frequencies[1]:
+            raise ValueError(f"the two frequencies must differ, both are {self.frequencies[0]:g} Hz")
+        return self
+
+    @property
+    def acts(self) -> bool:
+        """Tell whether it damps anything."""
+        return any(self.coefficients)
+
+    @property
+    def coefficients(self) -> tuple[float, float]:
+        """(alpha [1/s], beta [s]).
+
+        Two frequencies with one ratio xi give alpha = 2 xi w1 w2 / (w1 + w2), beta = 2 xi / (w1 + w2).
+        """
+        if self.frequencies is None or self.ratio is None:
+            return float(self.alpha or 0.0), float(self.beta or 0.0)
+        w1, w2 = (2.0 * math.pi * f for f in self.frequencies)
+        return 2.0 * self.ratio * w1 * w2 / (w1 + w2), 2.0 * self.ratio / (w1 + w2)
+
+
 class MaterialConfig(Model):
     """Isotropic linear elasticity; `expansion` is the coefficient of linear thermal expansion."""
 
@@ -70,6 +111,8 @@ class MaterialConfig(Model):
     """Density of the material."""
     expansion: Annotated[Expansion, NonNegative] = 0.0
     """Coefficient of linear thermal expansion."""
+    damping: RayleighConfig | None = None
+    """Rayleigh damping of this material, of its own mass and stiffness; that of `damping` if left out."""
 
 
 class BoxConfig(Model):
@@ -131,30 +174,6 @@ class BlockConfig(Model):
         return self
 
 
-class RayleighConfig(Model):
-    """C = alpha M + beta K of the solids, from two frequencies and one ratio, or the coefficients."""
-
-    frequencies: tuple[Annotated[Frequency, Positive], Annotated[Frequency, Positive]] | None = None
-    """Two frequencies at which damping has this ratio."""
-    ratio: Annotated[Dimensionless, Field(ge=0.0, lt=1.0)] | None = None
-    """Damping ratio, of critical damping, at the two frequencies."""
-    alpha: Annotated[AngularFrequency, NonNegative] | None = None
-    """Coefficient of the mass matrix."""
-    beta: Annotated[Time, NonNegative] | None = None
-    """Coefficient of the stiffness matrix."""
-
-    @model_validator(mode="after")
-    def _one_form(self) -> Self:
-        by_ratio = self.frequencies is not None and self.ratio is not None
-        by_coefficient = self.alpha is not None and self.beta is not None
-        count = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
-        if count != 2 or by_ratio == by_coefficient:
-            raise ValueError("give either `frequencies` and `ratio`, or `alpha` and `beta`")
-        if self.frequencies is not None and self.frequencies[0] == self.frequencies[1]:
-            raise ValueError(f"the two frequencies must differ, both are {self.frequencies[0]:g} Hz")
-        return self
-
-
 ModalRatio = Annotated[Dimensionless, Field(ge=0.0, lt=1.0)]
 ModalRatios = Annotated[
     Annotated[ModalRatio, Tag("number")]
@@ -180,8 +199,7 @@ class DampingConfig(Model):
     def acts(self) -> bool:
         """Tell whether anything is damped."""
         ratios = self.modal if isinstance(self.modal, tuple) else (self.modal,)
-        r = self.rayleigh
-        return any(ratios) or (r is not None and bool(r.ratio or r.alpha or r.beta))
+        return any(ratios) or (self.rayleigh is not None and self.rayleigh.acts)
 
 
 ModeCount = Annotated[
@@ -294,6 +312,12 @@ class Sections(Model):
     post_earthquake: PostEarthquakeConfig | None = None
     combinations: dict[Annotated[str, OfFile], CombinationConfig] = Field(default_factory=dict)
     """Load combinations, each with what it requires."""
+
+    @property
+    def damped(self) -> bool:
+        """Tell whether the solids have damping, of the section `damping` or of a material."""
+        own = (material.damping for material in self.materials.values())
+        return self.damping.acts or any(damping is not None and damping.acts for damping in own)
 
     @property
     def dam(self) -> ArchDamConfig | GravityDamConfig | None:

@@ -9,6 +9,7 @@ answers its inertia. See `romdam.reduction.reductor.basis_keys`.
 
 from __future__ import annotations
 
+from romdam.core.scene import FreeField, Material
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import Substructure
 
@@ -36,7 +37,7 @@ def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object,
     """Return everything that is known of a part and its loads, on which any basis of it depends."""
     mesh_part, scene, wet = substructure.mesh_part, substructure.scene, substructure.wet
     of_blocks = [
-        (name, scene.blocks[name].element, scene.blocks[name].material, scene.blocks[name].points,
+        (name, scene.blocks[name].element, _undamped(scene.blocks[name].material), scene.blocks[name].points,
          scene.blocks[name].cells, mesh_part.number[name], scene.fixed[name], scene.blocks[name].absorbing)
         for name in mesh_part.blocks
     ]  # fmt: skip
@@ -44,7 +45,7 @@ def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object,
         sorted(names & set(mesh_part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)
     ]
     slaves = () if mesh_part.slaves is None else (mesh_part.slaves,)
-    waves = () if scene.free_field is None else (scene.free_field,)
+    waves = () if scene.free_field is None else (_waves(scene.free_field),)
     moved = [] if scene.moving is None else [scene.moving.components[name] for name in mesh_part.blocks]
     carried = (moved,) if any((number >= 0).any() for number in moved) else ()
     shares = {} if scene.moving is None else scene.moving.shares
@@ -53,3 +54,12 @@ def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object,
     water = (wet,) if choice.finer and wet is not None else ()
     loads = substructure.operator, substructure.static_forces
     return (of_blocks, *slaves, *waves, *carried, *matrices, kinds, *loads, choice.stored, *water)
+
+
+def _undamped(material: Material) -> dict[str, object]:
+    """What a basis depends on of a material: all but its damping."""
+    return {key: value for key, value in vars(material).items() if key != "damping"}
+
+
+def _waves(field: FreeField) -> dict[str, object]:
+    return vars(field) | {"materials": tuple(_undamped(material) for material in field.materials)}

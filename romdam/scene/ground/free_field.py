@@ -154,6 +154,6 @@ def _materials(
             raise ConfigError(
                 f"{location}: free_field takes rock whose layers are level: between {levels[k]:.4g} and "
                 f"{levels[k + 1]:.4g} m the sides are {what} ({len(here)} materials, limit 1); give the "
-                "sides one material at each level, or take ground.input: uniform"
+                "sides one material at each level (its damping too), or take ground.input: uniform"
             )
     return tuple(next(iter(here)) for here in within)
