@@ -11,17 +11,19 @@ from pathlib import Path
 
 import xarray as xr
 
-from romdam.config.linear_stage import refuse_linear_stage
+from romdam.config.linear_stage import hysteretic_ratios, refuse_linear_stage
 from romdam.config.load import Job, Source, naming_lines, with_lines
 from romdam.config.other_mesh import with_spacing
+from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.config.sections.linear_stage import LinearStageConfig
 from romdam.core.errors import ConfigError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
-from romdam.core.scene import Scene
+from romdam.core.scene import Block, Scene
 from romdam.core.threads import one_thread
 from romdam.core.version import SOURCE
 from romdam.effects.added_mass import added_mass
+from romdam.fem.damping import damping_coupling
 from romdam.fem.stress import stress_operators
 from romdam.pipelines.input_motions import records_of
 from romdam.pipelines.job_warnings import log_warnings, with_scene_warnings
@@ -51,6 +53,7 @@ from romdam.results.response_spectrum import SpectrumModel, spectrum_dataset, st
 from romdam.results.stress.file import StressFields
 from romdam.results.table import write_csv
 from romdam.scene.ties import tie_joints
+from romdam.scene.varied import block_materials
 
 log = logging.getLogger(__name__)
 
@@ -203,15 +206,23 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
     job = with_scene_warnings(tied, _linear_job(job, stage))
     job = replace(job, scene_warnings=(*remarks, *job.scene_warnings))
     with clock.stage("linear_model", "reducing the dam with tied joints"), placed(job.path):
-        reduced = reduce_scene(tied, job.config.model, job.config.damping, store)
+        hysteretic = stage.damping == "hysteretic"
+        damped, damping = _as_hysteretic(tied, job) if hysteretic else (tied, job.config.damping)
+        reduced = reduce_scene(damped, job.config.model, damping, store)
         system = reduced.system
-        if not system.diagonal or not system.K.diagonal().min() > 0.0:
-            why = "has coupled modes" if not system.diagonal else "moves as a rigid body"
+        if not system.K.diagonal().min() > 0.0:
             raise ConfigError(
-                f"{job.path}: linear_stage: the structure with tied joints {why}, and a response spectrum "
-                "needs modes with a frequency each; hold it by supports, without damping matrices of blocks"
+                f"{job.path}: linear_stage: the structure with tied joints moves as a rigid body, and a "
+                "response spectrum needs modes with a frequency each; hold it by supports"
             )
-        prepared = prepare(job, system)
+        if not system.diagonal:
+            share = damping_coupling(system.C.toarray())
+            coupled = (
+                f"linear_stage: damping couples modes, by up to {share:.2g} of their own: the time history has all of it, and the response spectrum the effective ratios "
+                "phi^T C phi / (2 omega phi^T M phi)"
+            )
+            job = replace(job, scene_warnings=(*job.scene_warnings, coupled))
+        prepared = prepare(job, system.as_hysteretic if hysteretic else system)
     with clock.stage("linear_stress", "stress of the modes, joints tied"):
         model = RunModel(tied, prepared, reduced)
         fields = _stress(scene, model)
@@ -224,6 +235,18 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
             )
         structure = structure_of(scene, prepared.system, fields, at_joints, job.config.loads.begins)
     return LinearModel(job, stage, scene, model, structure)
+
+
+def _as_hysteretic(scene: Scene, job: Job) -> tuple[Scene, DampingConfig]:
+    """The scene and its damping whose matrix C is K_h = sum_b 2 xi_b K_b, for the ratios of a job."""
+    every, own = hysteretic_ratios(job.config)
+    materials, blocks = block_materials(job.config), dict[str, Block]()
+    for name, block in scene.blocks.items():
+        ratio = own.get(materials[name])
+        blocks[name] = replace(
+            block, material=replace(block.material, damping=None if ratio is None else (0.0, 2.0 * ratio))
+        )
+    return replace(scene, blocks=blocks), DampingConfig(rayleigh=RayleighConfig(alpha=0.0, beta=2.0 * every))
 
 
 def _stress(scene: Scene, model: RunModel) -> dict[str, StressFields]:
@@ -330,6 +353,7 @@ def linear_stage(linear: LinearModel, motion: GroundMotion, folder: Path, clock:
             "combination": linear.stage.combination,
             "directions": linear.stage.directions,
             "cutoff_hz": linear.stage.cutoff,
+            "damping": linear.stage.damping,
             "spectrum": "of the record at each mode's damping" if linear.stage.spectra is None else "given",
             "run_warnings": json.dumps(warnings),
         }

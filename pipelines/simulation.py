@@ -26,6 +26,7 @@ from romdam.results.stress.file import StressFields
 from romdam.timestepping.construction import constructed
 from romdam.timestepping.contact_resolution import resolution_warnings
 from romdam.timestepping.grouting import grouted
+from romdam.timestepping.hysteretic import FrequencyDomain
 from romdam.timestepping.initial_joints import with_joint_state
 from romdam.timestepping.integrators.registry import integrator_class, suitable_integrator
 from romdam.timestepping.prepared import Outcome, Prepared, Progress
@@ -95,7 +96,8 @@ def prepare(
     else:
         ready = with_joint_state(with_uplift_at_rest(ready, transient.tolerance))
     ready = rested(ready, transient.tolerance)
-    fresh = Prepared(ready, integrator_class(name).configured(transient))
+    kind = FrequencyDomain if system.hysteretic is not None else integrator_class(name)
+    fresh = Prepared(ready, kind.configured(transient))
     if like is None:
         return fresh
     return replace(fresh, symmetries=like.symmetries, propagators=like.propagators)

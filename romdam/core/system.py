@@ -444,6 +444,8 @@ class System:
     extent : size of the mesh, beyond which nothing moves in a sound run; inf where there is none [m]
     bearing : attachments whose forces are recorded; None without any
     sustained : stiffness under loads that last; None where K is that of all
+    hysteretic : (n, n) sparse, imaginary part of the stiffness at positive frequencies, which only the
+        frequency domain knows [N/m]; None without
     """
 
     M: csr_matrix
@@ -474,6 +476,7 @@ class System:
     extent: float = math.inf
     bearing: BearingRows | None = None
     sustained: SustainedStiffness | None = None
+    hysteretic: csr_matrix | None = None
 
     @property
     def size(self) -> int:
@@ -518,7 +521,8 @@ class System:
     def effective_ratios(self) -> Floats:
         """(2, n) frequency [Hz] and damping ratio phi^T C phi / (2 omega phi^T M phi) of each unknown.
 
-        Of a reduced system, whose unknowns phi are modes without damping. Ratios are NaN of rigid motions,
+        Of a reduced system, whose unknowns phi are modes without damping; hysteretic damping has the C that
+        takes the same energy at the mode's frequency, K_h / omega. Ratios are NaN of rigid motions,
         and both are of unknowns without mass and of water with waves.
         """
         M, K = self.M.diagonal()[: self.solids], self.K.diagonal()[: self.solids]
@@ -527,8 +531,15 @@ class System:
         omega = np.sqrt(np.maximum(K[heavy] / M[heavy], 0.0))
         freq[heavy], strained = omega / (2.0 * np.pi), omega > 0.0
         c, some = self.C.diagonal()[heavy][strained], heavy[strained]
+        if self.hysteretic is not None:
+            c = c + self.hysteretic.diagonal()[some] / omega[strained]
         ratio[some] = c / (2.0 * omega[strained] * M[some])
         return np.stack([freq, ratio])
+
+    @property
+    def as_hysteretic(self) -> System:
+        """The system whose damping matrix is the imaginary part of its stiffness, in its place."""
+        return replace(self, C=csr_matrix(self.C.shape), hysteretic=self.C)
 
     def damping_force(self, rate: Floats) -> Floats:
         """(C - D D^T) v for velocities v, (n,) or (n, k) [N]."""

@@ -581,6 +581,13 @@ _REDUCTION = (
          "effects/test_damping_by_material.py::test_mass_terms_do_not_brake_what_joints_alone_hold"),
     ),
     Approximation(
+        "hysteretic damping of the linear stage",
+        ("timestepping.hysteretic:FrequencyDomain",),
+        "complex stiffness of each material; the record followed by rest before it comes round again",
+        "bounded by test",
+        ("test_hysteretic_stage.py::test_bar_of_two_materials_is_that_of_complex_moduli",),
+    ),
+    Approximation(
         "stages of construction",
         ("effects.construction:construction",),
         "every stage is an equilibrium of the blocks that are there",

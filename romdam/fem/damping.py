@@ -122,6 +122,16 @@ def drag_of_matrix(part: Part, scene: Scene) -> float:
     return float(np.linalg.eigvalsh(R.T @ (C @ R)).max(initial=0.0))
 
 
+def damping_coupling(C: Floats) -> float:
+    """Largest coupling of modes by their damping C (m, m): |C_ik| over the mean sqrt(C_ii C_kk), i not k.
+
+    It is zero where the damping is classical: modes of the damped structure are those of the undamped one.
+    """
+    own = C.diagonal()
+    others, mean = np.abs(C - np.diag(own)), np.sqrt(np.maximum(np.outer(own, own), 0.0))
+    return float(np.divide(others, mean, out=np.zeros_like(others), where=mean > 0.0).max(initial=0.0))
+
+
 def brings_damping(block: Block) -> bool:
     """Tell whether a block has a damping matrix, which stands in place of Rayleigh damping."""
     return block.matrices is not None and block.matrices.C is not None

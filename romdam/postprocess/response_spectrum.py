@@ -102,7 +102,7 @@ class ModalPeaks:
 
 
 def modes_below(system: System, cutoff: float) -> tuple[Ints, Floats, Floats]:
-    """Numbers, frequencies [Hz] and damping ratios (m,) of a diagonal system's modes up to a frequency.
+    """Numbers, frequencies [Hz] and effective damping ratios (m,) of modes up to a frequency.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def modes_below(system: System, cutoff: float) -> tuple[Ints, Floats, Floats]:
         omega = np.sqrt(system.K.diagonal() / system.M.diagonal())
     modes = np.flatnonzero(omega <= 2.0 * np.pi * cutoff)
     modes = modes[np.argsort(omega[modes])]
-    freq, damping = omega[modes] / (2.0 * np.pi), system.C.diagonal()[modes] / (2.0 * omega[modes])
+    freq, damping = omega[modes] / (2.0 * np.pi), system.effective_ratios[1][modes]
     if (damping >= 1.0).any():
         k = int(np.argmax(damping >= 1.0))
         raise ConfigError(

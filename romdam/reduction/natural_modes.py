@@ -20,6 +20,7 @@ from romdam.effects.added_mass import AddedMass, added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble_mass, inertia
 from romdam.fem.damping import (
+    damping_coupling,
     further_damping,
     further_drag,
     modal_coefficients,
@@ -52,8 +53,7 @@ class NaturalModes:
     damping_ratio : (m,) phi^T C phi / (2 omega phi^T M phi) of undamped modes, C the damping of the solids
         in runs; NaN of rigid motions, and of bonded joints where ratios are given, which are of the modes
         with open joints
-    damping_coupling : largest |phi_i^T C phi_k| over the mean of the two modes' own, i not k: zero where the
-        damping is classical and modes of the damped structure are those of the undamped one
+    damping_coupling : of the modes, see `romdam.fem.damping.damping_coupling`
     shapes : block -> (m, n, 3), the largest displacement of all nodes is 1
     modal_mass : (m,) phi^T M phi of these shapes [kg]
     participation : (m, 3) phi^T M r / (phi^T M phi)
@@ -250,10 +250,7 @@ def _damping(
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = c / (2.0 * np.sqrt(omega2))
     strained = omega2 > 0.0
-    others = np.abs(C - np.diag(c))[np.ix_(strained, strained)]
-    mean = np.sqrt(np.outer(c[strained], c[strained]))
-    coupling = np.divide(others, mean, out=np.zeros_like(others), where=mean > 0.0)
-    return np.where(strained, ratio, np.nan), float(coupling.max(initial=0.0))
+    return np.where(strained, ratio, np.nan), damping_coupling(C[np.ix_(strained, strained)])
 
 
 def total_mass(scene: Scene, water: AddedMass | None) -> Floats:

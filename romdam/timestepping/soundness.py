@@ -85,7 +85,10 @@ def sound(history: History, system: System) -> History | ConvergenceError:
                 f"the peak of {name} at {law.gap_name(i)} is {values[i]}, which is no "
                 "number; look for stiffnesses, densities and units of extreme size"
             )
-    return _beyond_the_model(history, system) or _given_by_damping(history) or history
+    wrong = _beyond_the_model(history, system)
+    if system.hysteretic is None:  # which is passive over a cycle, and gives energy back within one
+        wrong = wrong or _given_by_damping(history)
+    return wrong or history
 
 
 def _given_by_damping(history: History) -> ConvergenceError | None:

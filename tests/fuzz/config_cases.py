@@ -507,7 +507,7 @@ def _own_damping() -> dict[str, Any]:
     """Materials with damping of their own, and a linear stage that has it as hysteretic."""
     raw = _touching()
     raw["materials"]["concrete"]["damping"] = {"frequencies": ["4 Hz", "25 Hz"], "ratio": "4 %"}
-    return raw | {"model": {"modes": 2}}
+    return raw | {"linear_stage": {"damping": "hysteretic", "cutoff": "40 Hz"}}
 
 
 BASES: dict[str, dict[str, Any]] = {

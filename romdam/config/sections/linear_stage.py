@@ -48,6 +48,9 @@ class LinearStageConfig(Model):
     """Spectra of the ground; those of each record, at the damping of each mode, if not given."""
     combination: Literal["cqc", "srss"] = "cqc"
     """Rule by which modes are combined."""
+    damping: Literal["viscous", "hysteretic"] = "viscous"
+    """Viscous as in runs, or hysteretic: a stiffness K (1 + 2 i xi) of each material's ratio xi, in the
+    frequency domain."""
     directions: Literal["srss", "100-40-40", "100-30-30"] = "srss"
     """Rule by which the three components of the ground are combined."""
     cutoff: Annotated[Frequency, Field(gt=0.0)] = 33.0
