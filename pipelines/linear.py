@@ -219,8 +219,8 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
             share = damping_coupling(system.C.toarray())
             coupled = (
                 f"linear_stage: damping couples modes, by up to {share:.2g} of their own: the time "
-                "history has all of it, and the response spectrum the effective ratios phi^T C phi / (2 omega "
-                "phi^T M phi)"
+                "history has all of it, and the response spectrum the effective ratios phi^T C phi / "
+                "(2 omega phi^T M phi)"
             )
             job = replace(job, scene_warnings=(*job.scene_warnings, coupled))
         prepared = prepare(job, system.as_hysteretic if hysteretic else system)

@@ -22,7 +22,7 @@ from romdam.postprocess.stress.summary import MEASURES as STRESS_MEASURES
 from romdam.results.sliding import UNDEFINED
 from romdam.results.stress.variables import STRESS_VARIABLES
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, attributes_of, dims_of
-from romdam.results.variables import COORDINATES, VARIABLES
+from romdam.results.variables import COORDINATES, UNDEFINED_MODES, VARIABLES
 
 _KNOWN = COORDINATES | VARIABLES
 _TEXTS = (
@@ -64,7 +64,7 @@ _WHOLE = (
 # variables that have no number somewhere: a face without nodes, a joint without uplift, a block not poured
 _MAY_LACK = {
     *STRESS_VARIABLES, *UNDEFINED, "stress_arch", "crack_at_rest", "construction_opening",
-    "station_coordinate", "support_delay",
+    "station_coordinate", "support_delay", *UNDEFINED_MODES,
 }  # fmt: skip
 _POSITIVE = (
     "gap_area", "section_area", "stress_face_area", "tensile_strength", "floor_frequency", "record_dt",

@@ -282,6 +282,7 @@ COORDINATES: dict[str, Variable] = {
     **STRESS_COORDINATES,
 }
 
+UNDEFINED_MODES = ("mode_frequency", "mode_damping_ratio")  # may be no numbers
 VARIABLES: dict[str, Variable] = {
     **{
         written.name: _recorded(name, of, written)
@@ -443,14 +444,15 @@ VARIABLES: dict[str, Variable] = {
     "mode_frequency": Variable(
         ("mode",),
         "Hz",
-        "natural frequency of the coordinate, joints open, without damping",
+        "natural frequency of the coordinate, joints open; NaN of what has no mass, and of waves in water",
         lambda c: c.history.modes[0],
         Case.has_effective_ratios,
     ),
     "mode_damping_ratio": Variable(
         ("mode",),
         "1",
-        "effective damping ratio phi^T C phi / (2 omega phi^T M phi) of the coordinate, joints open",
+        "effective damping ratio phi^T C phi / (2 omega phi^T M phi) of the coordinate, joints open; NaN of "
+        "rigid motions, of what has no mass, and of waves in water",
         lambda c: c.history.modes[1],
         Case.has_effective_ratios,
     ),
