@@ -26,7 +26,7 @@ from romdam.scene.ties import tie_joints
 
 log = logging.getLogger(__name__)
 
-_CLASSICAL = 1e-6  # coupling of modes by damping below which it is round-off
+_CLASSICAL = 1e-3  # coupling of modes by damping below which it is not mentioned
 
 Joints = Literal["tied", "bonded", "open"]
 
@@ -101,7 +101,7 @@ def modes(
         dataset = modes_dataset(scene, values, job, options.joints)
         dataset.attrs["damping_coupling"] = computed.damping_coupling
     if computed.damping_coupling > _CLASSICAL:
-        log.info(
+        log.warning(
             "%s: damping is not classical: it couples modes by up to %.2g of their own; ratios are "
             "phi^T C phi / (2 omega phi^T M phi) of the undamped modes",
             job.path, computed.damping_coupling,

@@ -114,6 +114,29 @@ def test_reduced_rock_alone_returns_the_record_whatever_the_modes(northridge):
     assert history.stats["ledger_imbalance"] < 1e-10
 
 
+@pytest.mark.parametrize("order", ["full", "reduced"])
+def test_rock_of_two_dampings_returns_the_record_at_its_surface(order, northridge):
+    """Layers with damping of their own: within 2e-4 of its peak; the depth moves as their damping is."""
+    deep = []
+    for own in ((1.5, 4e-4), (0.3, 2e-3)):
+        scene = make(rock())
+        blocks = {
+            name: replace(block, material=replace(block.material, damping=own if name == "low" else None))
+            for name, block in scene.blocks.items()
+        }
+        layers = tuple(
+            replace(layer, damping=own if layer.rho == 2600.0 else None)
+            for layer in scene.free_field.materials
+        )
+        scene = replace(scene, blocks=blocks, free_field=replace(scene.free_field, materials=layers))
+        made = assemble_full(scene, DAMPED) if order == "full" else None
+        made = made or reduce_scene(scene, ModeChoice(count=2), DAMPED).system
+        _, total = shaken(made, northridge, 0.01)
+        assert np.abs(total[:, :2] - northridge.T[:, None]).max() < 2e-4 * np.abs(northridge).max()
+        deep.append(total[:, 2])
+    assert l2(deep[0], deep[1]) > 1e-2
+
+
 def test_single_block_of_rock_is_reduced_with_its_field(northridge):
     raw = rock() | {"blocks": {"low": box([0, 0, 0], [80, 40, 100], "hard")}, "ties": {}}
     raw["ground"] = {"input": "free_field", "viscous": [{"block": "low", "faces": ["zmin", *SIDES]}]}
@@ -502,13 +525,15 @@ SOFT = Material(E=2.3e9, nu=0.3, rho=2100.0, expansion=0.0)
 STIFF = Material(E=9.1e9, nu=0.2, rho=2600.0, expansion=0.0)
 
 
+@pytest.mark.parametrize("own", [None, (2.0, 5e-3)])
 @pytest.mark.parametrize("component", [0, 2])
-def test_continuous_layers_are_what_fine_columns_come_to(component):
-    """Two layers with both kinds of Rayleigh damping: 400 quadratic elements against waves, to 1e-6."""
+def test_continuous_layers_are_what_fine_columns_come_to(component, own):
+    """Two layers with Rayleigh damping, of one its own too: 400 quadratic elements against waves, to 1e-6."""
     coarse = np.array([12.0, -8.0, -33.0])
-    field = FreeField(coarse, (SOFT, STIFF), 1, frozenset())
+    stiff = replace(STIFF, damping=own)
+    field = FreeField(coarse, (SOFT, stiff), 1, frozenset())
     fine = np.concatenate([np.linspace(12.0, -8.0, 201), np.linspace(-8.0, -33.0, 201)[1:]])
-    many = FreeField(fine, (SOFT,) * 200 + (STIFF,) * 200, 2, frozenset())
+    many = FreeField(fine, (SOFT,) * 200 + (stiff,) * 200, 2, frozenset())
     omega, damping = np.array([4.0, 60.0, 170.0]), (7.0, 1e-3)
     answer = respond(many, component, (-(omega**2) + 0j, 1j * omega), damping)
     at_ends = answer.motion[:, [399, 799]]  # relative to the surface, of a unit acceleration of it
