@@ -82,6 +82,9 @@ EFFECTS = {
     "free field": _known(
         "ground.input: free_field", lambda config: config.ground.input == "free_field", coupled=True
     ),
+    "inclined waves": _known(
+        "ground.incidence", lambda config: config.ground.incidence is not None, coupled=True
+    ),
     "staged weight": _known(
         "loads.weight: staged", lambda config: config.loads.weight == "staged", linear=True
     ),
@@ -147,12 +150,24 @@ _ONE_MODULUS_OF_STAGES = (
     "modulus of theirs is known beside the two; leave E_dynamic out, or the stages"
 )
 
+_STRAIGHT_UP = (
+    "ground.along: moves supports by their position, and the waves of ground.input: free_field move the rock "
+    "themselves; give ground.input: uniform with rock that is held at its boundary, or leave `along` out"
+)
+_LEVEL_WATER = (
+    "ground.incidence: floor and banks of a solved reservoir move as one, and waves at an angle reach them "
+    "one after another; set water.model: westergaard, or leave `incidence` out"
+)
 EXCLUDED = {
     frozenset({"damping by material", "modal damping"}): (
         "materials.<name>.damping: is of a material, and damping.modal gives ratios to the modes of all "
         "together; give damping.rayleigh for the other materials, or leave one of the two out"
     ),
     frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
+    frozenset({"inclined waves", "modal damping"}): FREE_FIELD_WITH_RATIOS,
+    frozenset({"inclined waves", "motion along"}): _STRAIGHT_UP,
+    frozenset({"inclined waves", "incompressible water"}): _LEVEL_WATER,
+    frozenset({"inclined waves", "compressible water"}): _LEVEL_WATER,
     frozenset({"motion along", "moving supports"}): (
         "ground.along: moves all supports by their position, and supports[].motion one of them; give one of "
         "the two (a station may have its own delay, factor or record)"

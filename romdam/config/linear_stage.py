@@ -11,6 +11,7 @@ _WITHOUT = {  # why a response spectrum and a linear time history with tied join
     "compressible water": f"{_COUPLED}; set water.model: incompressible",
     "viscous boundary": f"{_COUPLED}; fix the rock at its boundary, with `mass: false`",
     "free field": f"{_COUPLED}; set ground.input: uniform",
+    "inclined waves": f"{_COUPLED}; set ground.input: uniform",
     "dampers": f"{_COUPLED}; leave them out",
     "moving supports": "has several motions of the ground, and a response spectrum is of one; leave it out",
     "motion along": "has several motions of the ground, and a response spectrum is of one; leave it out",

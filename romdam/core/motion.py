@@ -37,6 +37,7 @@ class Motion(StrEnum):
     FREE_FIELD = "motion of a column of rock against its surface"
     FREE_FIELD_RATE = "rate of that motion"
     FREE_FIELD_TRACTION = "traction on the lower end of a column of rock"
+    INCLINED = "forces of inclined waves on the boundary of the rock"
 
 
 _ACCELERATIONS = {"m/s2": 1.0, "cm/s2": 0.01, "mm/s2": 1e-3, "gal": 0.01, "g": 9.80665}  # in m/s2

@@ -68,7 +68,7 @@ class Absorbing:
 
 @dataclass(frozen=True)
 class FreeField:
-    """Rock as it would be without a dam: layers, in which plane waves travel straight up and down.
+    """Rock as it would be without a dam: layers, in which plane waves travel up and down.
 
     Attributes
     ----------
@@ -76,12 +76,22 @@ class FreeField:
     materials : of each element
     order : of the column's elements, 1 or 2, as the rock's own are
     blocks : of rock
+    slowness : of the waves along x and y, one over the apparent velocity; zero where they travel straight up
+        [s/m]
+    origin : x and y where the surface moves as the record [m]
     """
 
     levels: Floats
     materials: tuple[Material, ...]
     order: int
     blocks: frozenset[str]
+    slowness: tuple[float, float] = (0.0, 0.0)
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def inclined(self) -> bool:
+        """Tell whether the waves travel at an angle."""
+        return any(self.slowness)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from scipy.sparse import csr_matrix, eye_array, hstack, kron
+from scipy.sparse import csr_matrix, diags_array, eye_array, hstack, kron
 
 from romdam.config.effects import FREE_FIELD_WITH_RATIOS
 from romdam.config.sections.job import DampingConfig
@@ -48,9 +48,9 @@ from romdam.fem.material import lame
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements
 
-_PASSED, _LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
-_RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins
-_AMPLIFIED = (
+PASSED, LEFT_OUT = 2.4, 3.1  # phase across an element up to which motion passes, and from which none does
+RINGING = 2.0  # travel times of the slowest wave before the record from which integration begins
+AMPLIFIED = (
     5.0,
     10.0,
 )  # motion at depth over the surface's up to which motion passes, and from which none does
@@ -86,7 +86,7 @@ class Deconvolution:
         height = -np.diff(self.field.levels)
         moduli = np.array([wave_moduli(material) for material in self.field.materials])
         speed = np.sqrt(moduli / np.array([[material.rho] for material in self.field.materials]))
-        lead = int(np.ceil(_RINGING * (height / speed[:, 0]).sum() / dt))
+        lead = int(np.ceil(RINGING * (height / speed[:, 0]).sum() / dt))
         total = lead + acc.shape[1]
         size = next_fast_len(total + 3 * lead, real=True)
         ended = np.pad(acc, ((0, 0), (0, lead)), mode="linear_ramp")  # a record that is cut off would ring
@@ -112,15 +112,13 @@ class Deconvolution:
     ) -> _Component:
         """One component; `freq` of the lines [Hz], `crossing` of the slowest element [s]."""
         phase = np.sqrt(np.abs(symbols[0])) * crossing
-        count = int(np.argmax(phase >= _LEFT_OUT)) if (phase >= _LEFT_OUT).any() else len(phase)
+        count = int(np.argmax(phase >= LEFT_OUT)) if (phase >= LEFT_OUT).any() else len(phase)
         acceleration, velocity = (symbol[:count] for symbol in symbols)
         answer = respond(self.field, k, (acceleration, velocity), self.damping)
         moved = 1.0 + acceleration[:, None] * answer.motion
         amplified = np.maximum.accumulate(np.abs(moved).max(axis=1))
         passed = np.zeros(len(acc))
-        passed[:count] = _taper(phase[:count], _PASSED, _LEFT_OUT) * _taper(
-            np.log(amplified), *np.log(_AMPLIFIED)
-        )
+        passed[:count] = taper(phase[:count], PASSED, LEFT_OUT) * taper(np.log(amplified), *np.log(AMPLIFIED))
         acc = acc * passed
         motion = np.zeros((answer.motion.shape[1], len(acc)), dtype=complex)
         motion[:, :count] = answer.motion.T * acc[:count]
@@ -136,7 +134,7 @@ class Deconvolution:
         return _Component(
             spectra=(acc[None], motion, rate, traction),
             cut=float(freq[np.argmax(passed < 1.0)]) if (passed < 1.0).any() else np.inf,
-            amplified=bool((amplified > _AMPLIFIED[0]).any()),
+            amplified=bool((amplified > AMPLIFIED[0]).any()),
             off=float(wrong[-1]) if acc.any() else 0.0,
             right=float(freq[1 + int(np.argmax(wrong > _SAFE * _OFF))]),
         )
@@ -163,7 +161,7 @@ class _Component:
     right: float
 
 
-def _taper(value: Floats, full: float, none: float) -> Floats:
+def taper(value: Floats, full: float, none: float) -> Floats:
     """1 up to `full`, 0 from `none` on."""
     return np.asarray(np.cos(0.5 * np.pi * np.clip((value - full) / (none - full), 0.0, 1.0)) ** 2)
 
@@ -176,7 +174,7 @@ def _warnings(acc: Floats, passed: Floats, columns: Sequence[_Component]) -> Ite
         why = "waves are shorter there than about three of the rock's elements, or steps"
         if any(columns[k].amplified for k in cut):
             why += (
-                f", or its damping makes the motion at depth more than {_AMPLIFIED[0]:g} times the surface's"
+                f", or its damping makes the motion at depth more than {AMPLIFIED[0]:g} times the surface's"
             )
         where = ", ".join(f"{'xyz'[k]} above {columns[k].cut:.3g} Hz ({100 * share[k]:.2g} %)" for k in cut)
         yield (
@@ -230,7 +228,7 @@ class IncomingWaves:
 def incoming_waves(scene: Scene, damping: DampingConfig) -> IncomingWaves | None:
     """The free field of a scene as an effect; None without one. Raises as `deconvolution` does."""
     field, drive = scene.free_field, deconvolution(scene.free_field, damping)
-    if field is None or drive is None:
+    if field is None or drive is None or field.inclined:
         return None
     absorbing = {name: block for name, block in scene.blocks.items() if block.absorbing}
     forces = {
@@ -258,6 +256,19 @@ def deconvolution(field: FreeField | None, damping: DampingConfig) -> Deconvolut
 def field_shapes(block: Block, field: FreeField) -> csr_matrix:
     """Motion of a block that moves as the free field, (3 n, 3 nodes of the column)."""
     return csr_matrix(kron(shapes(field, block.points[:, 2]), eye_array(3)))
+
+
+def field_motions(block: Block, field: FreeField) -> csr_matrix:
+    """Motions of a block that those of the field are sums of while all is slow, (3 n, columns).
+
+    Those of the column; of inclined waves these times the distance along the travel, and its square.
+    """
+    moving = field_shapes(block, field)
+    if not field.inclined:
+        return moving
+    along = (block.points[:, :2] - field.origin) @ np.array(field.slowness)
+    along = np.repeat(along / np.hypot(*field.slowness) / -np.diff(field.levels[[0, -1]]), 3)
+    return csr_matrix(hstack([diags_array(along**power) @ moving for power in range(3)]))
 
 
 def boundary_load(block: Block, field: FreeField, beta: float) -> csr_matrix:

@@ -12,6 +12,7 @@ from romdam.effects.damping import SolidDamping
 from romdam.effects.effect import Effect
 from romdam.effects.force_histories import force_histories
 from romdam.effects.free_field import incoming_waves
+from romdam.effects.inclined_waves import inclined_waves
 from romdam.effects.moving_supports import moving_supports
 from romdam.effects.static_loads import static_loads
 from romdam.effects.sustained_moduli import sustained_moduli
@@ -52,6 +53,7 @@ def scene_effects(
         SolidDamping(scene, damping),
         attached_dashpots(scene),
         incoming_waves(scene, damping),
+        inclined_waves(scene, damping),
         compressible_water(scene),
         construction(scene),
     ]

@@ -128,7 +128,7 @@ def build_scene(config: Config, folder: Path, source: str) -> Scene:
         warmed={name: changes[name] for name in blocks if np.any(changes.get(name, 0.0))},
         excluded_from_gravity=dam.excluded_from_gravity | frozenset(weightless),
         radiating=frozenset() if waves else rock,
-        free_field=free_field(blocks, rock, config.ground.surface, source) if waves else None,
+        free_field=free_field(blocks, rock, config.ground, source) if waves else None,
         staged_weight=config.loads.weight == "staged",
         load_order=() if isinstance(config.loads.order, str) else config.loads.order,
         reservoir=build_reservoir(config.water, blocks, (*joints.values(), *ties), fixed, files, source),

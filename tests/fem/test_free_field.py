@@ -11,6 +11,7 @@ from simulating import simulated
 
 import romdam
 from romdam.config import load_config, parse_config
+from romdam.config.sections.ground import GroundConfig
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Material
@@ -211,7 +212,7 @@ def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(north
         [x + bend * np.sin(np.pi * x / 80.0), y, z + bend * np.cos(2.0 * np.pi * x / 80.0)], axis=1
     )
     blocks = {"low": replace(block, points=points)}
-    field = free_field(blocks, frozenset(blocks), None, "s.yaml")
+    field = free_field(blocks, frozenset(blocks), GroundConfig(), "s.yaml")
     assert 4 <= len(field.materials) <= 5
     bent = replace(scene, blocks=blocks, free_field=field)
     _, total = shaken(assemble_full(bent, DAMPED), resample(northridge, 0.01, 0.005), 0.005)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, Tag, model_validator
 
-from romdam.config.base import Model
-from romdam.config.quantities import Length
+from romdam.config.base import Model, by_shape
+from romdam.config.quantities import Degrees, Length
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.motion_along import MotionAlongConfig
-from romdam.config.sections.places import FaceRef
+from romdam.config.sections.places import Direction, FaceRef
 
 
 class ViscousConfig(Model):
@@ -26,6 +26,32 @@ class ViscousConfig(Model):
     distance: Annotated[Length, Field(gt=0.0)] | None = None
     """Distance of the faces from the dam; if not given, from the middle of the foot of what stands on the
     rock."""
+
+
+class IncidenceConfig(Model):
+    """Waves of a free field that come up at an angle, all of one apparent velocity along the surface.
+
+    SV and P in the plane of travel and SH across it together make the record at one place of the level
+    surface, and ahead of it the same later.
+    """
+
+    angle: Annotated[Degrees, Field(gt=0.0, lt=90.0)]
+    """Angle of incidence in the lowest layer, between the ray and the vertical."""
+    wave: Literal["s", "p"] = "s"
+    """Kind of wave that the angle is of; of S waves it is below that at which P waves would graze."""
+    axis: Annotated[
+        Annotated[Literal["x", "y"], Tag("number")] | Annotated[Direction, Tag("list")],
+        by_shape("x or y, or a direction such as [1, 0.5, 0]"),
+    ]
+    """Level direction in which the waves travel."""
+    at: Length | None = None
+    """Coordinate along `axis` where the surface moves as the record; the middle of the rock if not given."""
+
+    @model_validator(mode="after")
+    def _level(self) -> Self:
+        if not isinstance(self.axis, str) and (self.axis[2] != 0.0 or not any(self.axis[:2])):
+            raise ValueError(f"`axis` is a level direction such as [1, 0.5, 0], got {list(self.axis)}")
+        return self
 
 
 class GroundConfig(Model):
@@ -45,6 +71,8 @@ class GroundConfig(Model):
     """Names of blocks of rock besides those with viscous faces."""
     surface: Length | None = None
     """Elevation of the level surface; the highest point of the rock at its sides if not given."""
+    incidence: IncidenceConfig | None = None
+    """Angle at which the waves of `input: free_field` come up; straight up if not given."""
     along: MotionAlongConfig | None = None
     """Motion of all supports by their position, where it is not the record everywhere."""
 
@@ -52,6 +80,8 @@ class GroundConfig(Model):
     def _surface_of_a_field(self) -> Self:
         if self.surface is not None and self.input == "uniform":
             raise ValueError("`surface` is that of `input: free_field`; leave it out, or give that input")
+        if self.incidence is not None and self.input == "uniform":
+            raise ValueError("`incidence` is that of `input: free_field`; leave it out, or give that input")
         return self
 
     @property

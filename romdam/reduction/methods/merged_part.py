@@ -20,7 +20,7 @@ from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, hstack
 
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.effects.added_mass import WetMass
-from romdam.effects.free_field import field_shapes
+from romdam.effects.free_field import field_motions
 from romdam.fem.absorbing import boundary_dashpots
 from romdam.fem.parts import assemble_part, gather
 from romdam.linalg.modes.rigid import rigid_modes
@@ -261,14 +261,17 @@ def boundary_tractions(substructure: Substructure) -> Floats:
 
 
 def free_field_forces(substructure: Substructure) -> csr_matrix:
-    """Static forces that move rock as each node of the free field's column, (3 nodes, 3 column nodes)."""
+    """Static forces that move rock as `field_motions` of the free field do, (3 nodes, columns)."""
     mesh_part, field = substructure.mesh_part, substructure.scene.free_field
     if field is None or field.blocks.isdisjoint(mesh_part.blocks):
         return csr_matrix((3 * mesh_part.nodes, 0))
     return csr_matrix(
         sum(
             mesh_part.spread(name).T
-            @ (substructure.assembly.matrices(name)[0] @ field_shapes(substructure.scene.blocks[name], field))
+            @ (
+                substructure.assembly.matrices(name)[0]
+                @ field_motions(substructure.scene.blocks[name], field)
+            )
             for name in mesh_part.blocks
             if name in field.blocks
         )

@@ -62,4 +62,7 @@ def _undamped(material: Material) -> dict[str, object]:
 
 
 def _waves(field: FreeField) -> dict[str, object]:
-    return vars(field) | {"materials": tuple(_undamped(material) for material in field.materials)}
+    every = vars(field) | {"materials": tuple(_undamped(material) for material in field.materials)}
+    return (
+        every if field.inclined else {key: every[key] for key in ("levels", "materials", "order", "blocks")}
+    )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
+from romdam.config.sections.ground import GroundConfig, IncidenceConfig
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Block, FreeField, Material
 from romdam.geometry.elements import ELEMENTS, Floats
@@ -17,25 +19,27 @@ from romdam.geometry.meshes.kinds import refuse_wedges
 log = logging.getLogger(__name__)
 
 _VERTICAL = 1e-3  # vertical component of the normal of a side; mesh files round to five digits
+_GRAZING = 0.98  # sine of the angle of P waves up to which they still come up
 _SAME = 1e-4  # of the rock's depth: elevations that are the same
 
 
 def free_field(
-    blocks: Mapping[str, Block], rock: frozenset[str], surface: float | None, source: str
+    blocks: Mapping[str, Block], rock: frozenset[str], ground: GroundConfig, source: str
 ) -> FreeField:
     """Find the layers of the rock.
 
     Parameters
     ----------
     rock : names of its blocks
-    surface : elevation of the level surface; the highest point of the sides where None [m]
+    ground : elevation of the level surface, the highest point of the sides if not given; angle of the waves
 
     Raises
     ------
     ConfigError
         where the viscous faces are not vertical sides and one level bottom, and for rock that differs along
-        a level of its sides.
+        a level of its sides; for an angle at which P waves do not come up through every layer.
     """
+    surface = ground.surface
     location = f"{source}: ground.input"
     rock_blocks = {name: blocks[name] for name in sorted(rock)}
     for block in rock_blocks.values():
@@ -53,7 +57,56 @@ def free_field(
     materials = _materials(rock_blocks, ends_of, levels, location)
     order = max(2 if ELEMENTS[block.element].quadratic else 1 for block in rock_blocks.values())
     log.info("%s: free field of %d layers of elements, surface at %g m", location, len(materials), top)
-    return FreeField(levels, materials, order, rock)
+    field = FreeField(levels, materials, order, rock)
+    if ground.incidence is None:
+        return field
+    points = np.vstack([block.points for block in rock_blocks.values()])
+    return _inclined(field, ground.incidence, points, f"{source}: ground.incidence")
+
+
+def _inclined(field: FreeField, incidence: IncidenceConfig, points: Floats, location: str) -> FreeField:
+    """The field of waves at an angle.
+
+    Parameters
+    ----------
+    points : (n, 3) of the rock [m]
+    """
+    shear, pressure = (
+        np.array(
+            [
+                np.sqrt(modulus / material.rho)
+                for material, modulus in zip(field.materials, moduli, strict=True)
+            ]
+        )
+        for moduli in zip(*map(_moduli, field.materials), strict=True)
+    )
+    speed = (shear if incidence.wave == "s" else pressure)[-1]
+    slowness = float(np.sin(np.radians(incidence.angle)) / speed)
+    worst = int(pressure.argmax())
+    if slowness * pressure[worst] >= _GRAZING:
+        most = np.degrees(np.arcsin(min(_GRAZING * speed / pressure[worst], 1.0)))
+        raise ConfigError(
+            f"{location}.angle: {incidence.angle:g} degrees of {incidence.wave.upper()} waves make an "
+            f"apparent velocity of {1.0 / slowness:.4g} m/s, and P waves of the rock between "
+            f"{field.levels[worst]:.4g} and {field.levels[worst + 1]:.4g} m have {pressure[worst]:.4g} m/s, "
+            f"with which they graze: limit {most:.4g} degrees; take a smaller angle"
+        )
+    axis = incidence.axis
+    along = np.eye(2)["xy".index(axis)] if isinstance(axis, str) else np.array(axis[:2], dtype=float)
+    along = along / np.linalg.norm(along)
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    middle = 0.5 * (low + high)
+    if incidence.at is not None:
+        middle = middle + (incidence.at - middle @ along) * along
+    x, y = (slowness * along).tolist()
+    return replace(field, slowness=(x, y), origin=(float(middle[0]), float(middle[1])))
+
+
+def _moduli(material: Material) -> tuple[float, float]:
+    """Moduli of shear and pressure waves [Pa]."""
+    E, nu = material.E, material.nu
+    shear = E / (2.0 * (1.0 + nu))
+    return shear, shear * (2.0 - 2.0 * nu) / (1.0 - 2.0 * nu)
 
 
 def _bottom(rock: Mapping[str, Block], location: str) -> float:
