@@ -14,6 +14,7 @@ from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
+from romdam.postprocess.incidence import incidence_statement
 from romdam.results.case import moduli_statement
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.steps import grid_steps, holds_samples
@@ -68,6 +69,8 @@ def log_scene_warnings(scene: Scene, job: Job) -> Job:
         log.warning("%s", line)
     if moduli := moduli_statement(scene):
         log.info("%s: %s", job.path, moduli)
+    if scene.free_field is not None and scene.free_field.inclined:
+        log.info("%s: ground.incidence: %s", job.path, incidence_statement(scene.free_field))
     return job
 
 

@@ -150,9 +150,9 @@ _ONE_MODULUS_OF_STAGES = (
     "modulus of theirs is known beside the two; leave E_dynamic out, or the stages"
 )
 
-_STRAIGHT_UP = (
-    "ground.along: moves supports by their position, and the waves of ground.input: free_field move the rock "
-    "themselves; give ground.input: uniform with rock that is held at its boundary, or leave `along` out"
+_HELD_ROCK = (
+    "ground.along: rock beyond viscous faces moves as the record everywhere; hold the rock at its "
+    "boundary (ground.viscous left out, of an arch dam rock.boundary: fixed), or leave `along` out"
 )
 _LEVEL_WATER = (
     "ground.incidence: floor and banks of a solved reservoir move as one, and waves at an angle reach them "
@@ -165,7 +165,7 @@ EXCLUDED = {
     ),
     frozenset({"free field", "modal damping"}): FREE_FIELD_WITH_RATIOS,
     frozenset({"inclined waves", "modal damping"}): FREE_FIELD_WITH_RATIOS,
-    frozenset({"inclined waves", "motion along"}): _STRAIGHT_UP,
+    frozenset({"inclined waves", "motion along"}): _HELD_ROCK,
     frozenset({"inclined waves", "incompressible water"}): _LEVEL_WATER,
     frozenset({"inclined waves", "compressible water"}): _LEVEL_WATER,
     frozenset({"motion along", "moving supports"}): (
@@ -176,10 +176,7 @@ EXCLUDED = {
         "ground.along: the waves of ground.input: free_field come straight up, at all places at once; give "
         "ground.input: uniform with rock that is held at its boundary, or leave `along` out"
     ),
-    frozenset({"motion along", "viscous boundary"}): (
-        "ground.along: rock beyond viscous faces moves as the record everywhere; hold the rock at its "
-        "boundary (ground.viscous left out, of an arch dam rock.boundary: fixed), or leave `along` out"
-    ),
+    frozenset({"motion along", "viscous boundary"}): _HELD_ROCK,
     frozenset({"staged weight", "staged construction"}): _WEIGHT_OF_STAGES,
     frozenset({"anchors", "staged construction"}): (
         "anchors: would hold blocks in stages of `construction` before they are stressed; leave one of the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -52,6 +53,12 @@ class Material:
     def sustained(self) -> Self:
         """The material as loads that last meet it."""
         return self if self.E_sustained is None else replace(self, E=self.E_sustained, E_sustained=None)
+
+    @property
+    def wave_speeds(self) -> tuple[float, float]:
+        """Of shear and of pressure waves [m/s]."""
+        shear = math.sqrt(self.E / (2.0 * (1.0 + self.nu) * self.rho))
+        return shear, shear * math.sqrt((2.0 - 2.0 * self.nu) / (1.0 - 2.0 * self.nu))
 
     def with_mass(self, mass: bool) -> Self:
         """The same, or without mass."""

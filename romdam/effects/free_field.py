@@ -261,14 +261,15 @@ def field_shapes(block: Block, field: FreeField) -> csr_matrix:
 def field_motions(block: Block, field: FreeField) -> csr_matrix:
     """Motions of a block that those of the field are sums of while all is slow, (3 n, columns).
 
-    Those of the column; of inclined waves these times the distance along the travel, and its square.
+    Those of the column; of inclined waves these times the distance along the travel, its
+    square and its cube.
     """
     moving = field_shapes(block, field)
     if not field.inclined:
         return moving
     along = (block.points[:, :2] - field.origin) @ np.array(field.slowness)
     along = np.repeat(along / np.hypot(*field.slowness) / -np.diff(field.levels[[0, -1]]), 3)
-    return csr_matrix(hstack([diags_array(along**power) @ moving for power in range(3)]))
+    return csr_matrix(hstack([diags_array(along**power) @ moving for power in range(4)]))
 
 
 def boundary_load(block: Block, field: FreeField, beta: float) -> csr_matrix:

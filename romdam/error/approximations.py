@@ -267,6 +267,14 @@ _SURROUNDINGS = (
          "effects.free_field: free field: acceleration at depth differs"),
     ),
     Approximation(
+        "waves at an angle of continuous layers",
+        ("effects.inclined_waves:inclined_waves", "fem.inclined"),
+        "elements carry them more slowly; a box of rock against the half-space, below 1 %",
+        "bounded by test",
+        ("fem/test_inclined.py::test_box_of_rock_moves_as_the_half_space",
+         "fem/test_inclined.py::test_surface_of_one_wave_has_that_wave_and_its_reflections_below"),
+    ),
+    Approximation(
         "free field of irregular meshes",
         ("effects.free_field",),
         "the surface of level rock against the record, below 1 %",

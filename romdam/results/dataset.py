@@ -26,6 +26,7 @@ from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.core.version import SOURCE
 from romdam.postprocess.floor_spectra import statement as floor_statement
+from romdam.postprocess.incidence import incidence_statement
 from romdam.postprocess.maxima import stress_statement
 from romdam.postprocess.record_measures import analysed
 from romdam.results.case import damping_statement, moduli_statement, rock_blocks, upstream_of
@@ -93,6 +94,10 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         attributes["moduli"] = moduli
     if damping := damping_statement(scene):
         attributes["material_damping"] = damping
+    base = _BASES[job.config.ground.input]
+    if scene.free_field is not None and scene.free_field.inclined:
+        base += f" at {scene.free_field.origin} m"
+        attributes["incidence"] = incidence_statement(scene.free_field)
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
         "source": SOURCE,
@@ -104,7 +109,7 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
         "scene_sha256": scene_digest(scene),
         "run_warnings": json.dumps(case_warnings(case, job)),
         "model_order": job.config.model.order,
-        "base": _BASES[job.config.ground.input],
+        "base": base,
         "integrator": history.integrator,
         "versions": library_versions(),
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",

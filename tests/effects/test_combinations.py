@@ -54,6 +54,13 @@ KEYS = {
     "free field": {
         "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
     },
+    "inclined waves": {
+        "ground": {
+            "input": "free_field",
+            "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}],
+            "incidence": {"angle": 25.0, "axis": [0.8, 0.6, 0.0], "at": 3.0},
+        }
+    },
     "staged weight": {"loads": {"weight": "staged"}},
     "force histories": {
         "loads": {

@@ -8,9 +8,13 @@ from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig
+from romdam.core.errors import ConfigError
 from romdam.core.scene import FreeField, Material
 from romdam.effects.full_order import assemble_full
 from romdam.fem.inclined import InclinedField, directions
+from romdam.postprocess.incidence import surface_factors
+from romdam.reduction.mode_choice import ModeChoice
+from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
 
 ROCK = Material(E=20e9, nu=0.25, rho=2600.0)
@@ -127,15 +131,14 @@ SIDES = ["xmin", "xmax", "ymin", "ymax"]
 
 def rock(angle=None, wave="s", axis=(1, 0, 0), edge=10.0, element="hex8", **more):
     """A box of rock of 120 by 40 by 60 m, and nodes on its surface and below."""
-    incidence = (
-        {} if angle is None else {"incidence": {"angle": angle, "wave": wave, "axis": list(axis)} | more}
-    )
+    asked = {"angle": angle, "wave": wave, "axis": list(axis)} | more
+    ground = {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
+    ground |= {} if angle is None else {"incidence": asked}
     of_box = {"origin": [0, 0, -60], "size": [120, 40, 60], "element_size": edge, "element": element}
     return {
         "materials": {"rock": {"E": 20e9, "nu": 0.25, "rho": 2600.0}},
         "blocks": {"rock": {"material": "rock", "weight": False, "box": of_box}},
-        "ground": {"input": "free_field", "viscous": [{"block": "rock", "faces": ["zmin", *SIDES]}]}
-        | incidence,
+        "ground": ground,
         "records": [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"x": 1}}],
         "model": {"order": "full"},
         "transient": {"finest_step": DT},
@@ -184,7 +187,7 @@ def of_wave(acc, p, wave, axis, points, origin):
     [(20, "s", 0.0, "hex8"), (30, "s", 0.6, "hex8"), (40, "p", 0.0, "hex8"), (25, "s", 0.0, "hex20")],
 )
 def test_box_of_rock_moves_as_the_half_space(degrees, wave, azimuth, element):
-    """One SV or P wave by Aki and Richards: acceleration on the surface and below within 3 % of its peak."""
+    """One SV or P wave by Aki and Richards: acceleration on the surface and below within 1 % of its peak."""
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     raw = rock(degrees, wave, axis, 5.0 if element == "hex8" else 10.0, element)
     scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
@@ -196,8 +199,91 @@ def test_box_of_rock_moves_as_the_half_space(degrees, wave, azimuth, element):
     record = exact[:, 0].T  # what the surface does at the origin
     history, total = shaken(assemble_full(scene, DampingConfig()), record)
     size = np.abs(exact).max()
-    print(np.abs(total - exact).max(axis=(0, 2)) / size, history.stats["ledger_imbalance"])
-    assert np.abs(total - exact).max() < 3e-2 * size
+    assert np.abs(total - exact).max() < 1e-2 * size
     late = of_wave(pulse(), 0.0, of, axis, AT, origin)
     assert np.abs(late - exact).max() > 0.2 * size
     assert history.stats["ledger_imbalance"] < 1e-10
+
+
+def test_reduced_rock_moves_as_its_mesh():
+    """With few modes, whose basis answers the field's slow motions: to 5 %, with more to 1 % of the peak."""
+    scene = build_scene(parse_config(rock(20, edge=10.0), "s.yaml"), Path(), "s.yaml")
+    record = of_wave(pulse(), np.sin(np.radians(20)) / C_S, "sv", np.eye(3)[0], AT[:1], AT[0])[:, 0].T
+    damping = DampingConfig.model_validate({"rayleigh": {"frequencies": [2.0, 12.0], "ratio": 0.03}})
+    _, full = shaken(assemble_full(scene, damping), record)
+    for modes, limit in ((10, 5e-2), (150, 1e-2)):
+        system = reduce_scene(scene, ModeChoice(count=modes), damping).system
+        history, total = shaken(system, record)
+        assert history.stats["ledger_imbalance"] < 1e-10
+        assert np.abs(total - full).max() < limit * np.abs(record).max()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_small_angles_come_to_waves_that_come_straight_up(axis):
+    """Of any component, damped by mass and stiffness: what a hundredth of a degree changes is small."""
+    record = np.zeros((3, 250))
+    record[axis] = pulse()
+    damping = DampingConfig.model_validate({"rayleigh": {"frequencies": [2.0, 12.0], "ratio": 0.05}})
+    found = []
+    for angle in (None, 0.01, 15.0):
+        scene = build_scene(parse_config(rock(angle, edge=5.0), "s.yaml"), Path(), "s.yaml")
+        found.append(shaken(assemble_full(scene, damping), record)[1])
+    straight, nearly, inclined = (values[-250:] for values in found)
+    assert np.abs(nearly - straight).max() < 1e-2
+    assert np.abs(inclined - straight).max() > 5e-2
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"angle": 36}, r"incidence.angle: 36 degrees of S waves .* graze: limit 34.46 degrees"),
+        ({"angle": 20, "axis": [1, 0, 0.2]}, r"`axis` is a level direction"),
+        ({"angle": 89.9, "wave": "p"}, r"incidence.angle: 89.9 degrees of P waves .* limit 78.52"),
+        ({"angle": 0}, r"incidence.angle must be greater than 0"),
+    ],
+)
+def test_angles_that_cannot_be_are_refused(changes, message):
+    """34.46: 0.98 c_s / c_p of a Poisson's ratio of 0.25, whose ratio of speeds is the root of 3."""
+    with pytest.raises(ConfigError, match=message):
+        build_scene(parse_config(rock(**changes), "s.yaml"), Path(), "s.yaml")
+
+
+def test_uniform_input_layers_of_unlike_drag_and_solved_water_are_refused():
+    raw = rock(20)
+    raw["ground"]["input"] = "uniform"
+    with pytest.raises(ConfigError, match=r"`incidence` is that of `input: free_field`"):
+        parse_config(raw, "s.yaml")
+    raw = rock(20)
+    raw["water"] = {"model": "incompressible", "level": 5, "faces": [{"block": "rock", "face": "zmax"}]}
+    with pytest.raises(ConfigError, match=r"ground.incidence: floor and banks of a solved reservoir"):
+        parse_config(raw, "s.yaml")
+    raw = rock(20)
+    raw["materials"]["low"] = raw["materials"]["rock"] | {"damping": {"alpha": 0.5, "beta": 1e-3}}
+    upper = dict(raw["blocks"]["rock"]["box"], origin=[0, 0, -30], size=[120, 40, 30])
+    lower = dict(raw["blocks"]["rock"]["box"], size=[120, 40, 30])
+    raw["blocks"] = {
+        "rock": raw["blocks"]["rock"] | {"box": upper},
+        "low": {"material": "low", "weight": False, "box": lower},
+    }
+    raw["ties"] = {"level": {"between": ["rock", "low"]}}
+    sides = {"block": "rock", "faces": SIDES}
+    raw["ground"]["viscous"] = [sides, {"block": "low", "faces": ["zmin", *SIDES]}]
+    raw["outputs"] = {}
+    scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
+    with pytest.raises(ConfigError, match=r"ground.incidence: layers of the rock have alpha of 0 to 0.5 1/s"):
+        assemble_full(scene, DampingConfig())
+
+
+@pytest.mark.parametrize("degrees", [0.01, 10, 25, 34])
+def test_surface_factors_are_those_of_the_printed_reflections(degrees):
+    """Of SV and P of one slowness; straight up 2 and 0; at 30 degrees in a Poisson's solid by hand."""
+    p = np.sin(np.radians(degrees)) / C_S
+    for wave, found in zip(("sv", "p"), surface_factors(ROCK, p), strict=True):
+        along, up = half_space(p, wave, 0.0, 0.0, 1.0)
+        np.testing.assert_allclose(found, [along.real, up.real], atol=1e-12)
+    if degrees == 0.01:
+        np.testing.assert_allclose(surface_factors(ROCK, p), [[2, 0], [0, 2]], atol=2e-3)
+    # c_s = 1: p = 1/2, b = sqrt(3)/2, a = sqrt(1/3 - 1/4), twist 1/2: D = 1/4 + a b = 1/2
+    hand = surface_factors(Material(E=2.5, nu=0.25, rho=1.0), 0.5)
+    np.testing.assert_allclose(hand[0], [np.sqrt(3.0), -1.0], rtol=1e-12)
+    np.testing.assert_allclose(hand[1], [np.sqrt(3.0), 1.0], rtol=1e-12)

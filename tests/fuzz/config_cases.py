@@ -411,6 +411,7 @@ def _waves() -> dict[str, Any]:
         "design": {"monte_carlo": 3, "seed": 2},
     }
     raw["ground"] = {"input": "free_field", "viscous": [sides, bottom], "rock": ["rock"], "surface": 0.0}
+    raw["ground"]["incidence"] = {"angle": "12 deg", "wave": "s", "axis": [0, 1, 0], "at": 1.0}
     return raw
 
 

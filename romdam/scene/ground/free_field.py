@@ -71,15 +71,7 @@ def _inclined(field: FreeField, incidence: IncidenceConfig, points: Floats, loca
     ----------
     points : (n, 3) of the rock [m]
     """
-    shear, pressure = (
-        np.array(
-            [
-                np.sqrt(modulus / material.rho)
-                for material, modulus in zip(field.materials, moduli, strict=True)
-            ]
-        )
-        for moduli in zip(*map(_moduli, field.materials), strict=True)
-    )
+    shear, pressure = np.array([material.wave_speeds for material in field.materials]).T
     speed = (shear if incidence.wave == "s" else pressure)[-1]
     slowness = float(np.sin(np.radians(incidence.angle)) / speed)
     worst = int(pressure.argmax())
@@ -100,13 +92,6 @@ def _inclined(field: FreeField, incidence: IncidenceConfig, points: Floats, loca
         middle = middle + (incidence.at - middle @ along) * along
     x, y = (slowness * along).tolist()
     return replace(field, slowness=(x, y), origin=(float(middle[0]), float(middle[1])))
-
-
-def _moduli(material: Material) -> tuple[float, float]:
-    """Moduli of shear and pressure waves [Pa]."""
-    E, nu = material.E, material.nu
-    shear = E / (2.0 * (1.0 + nu))
-    return shear, shear * (2.0 - 2.0 * nu) / (1.0 - 2.0 * nu)
 
 
 def _bottom(rock: Mapping[str, Block], location: str) -> float:
