@@ -11,10 +11,10 @@ from romdam.config.plausible import check_assumptions
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
+from romdam.postprocess.incidence import incidence_statement
 from romdam.postprocess.record_measures import analysed_share
 from romdam.records.measures import content_frequency
 from romdam.records.processing.resampling import lost_between
-from romdam.postprocess.incidence import incidence_statement
 from romdam.results.case import moduli_statement
 from romdam.scene.ties import scene_parts
 from romdam.timestepping.steps import grid_steps, holds_samples
