@@ -43,6 +43,7 @@ from romdam.timestepping.steps import Steps, fixed_steps
 if TYPE_CHECKING:
     from romdam.config.sections.transient import TransientConfig
 
+_STILL, _FASTEST = 0, -1  # lines of a spectrum: frequency zero, and half that of the samples
 _DECAY = 14.0  # of free vibration until the record comes round again: exp(-14) is 1e-6
 _LEAST = 1e-3  # damping ratio of the least damped mode, below which rest would take too long
 _REST = 3.0  # lengths of the record that rest follows it for at least: what is not causal falls as 1 / time
@@ -159,10 +160,12 @@ def _response(simulation: Simulation, settings: Settings) -> History:
     size = 2 * next_fast_len(math.ceil((count + seconds / dt) / 2.0), real=True)
     omega = 2.0 * np.pi * rfftfreq(size, dt)
     shaking = rfft(system.shaking(ground), size)
-    shaking[:, -1] = 0.0  # the line at the sampling's limit has no derivative
+    shaking[:, _FASTEST] = 0.0  # the line at the sampling's limit has no derivative
     load = -np.asarray(system.load)
     q = modes.vectors @ (modes.inverse @ load @ shaking / (modes.eigenvalues[:, None] - omega**2))
-    q[:, 0] = (load @ shaking[:, 0]).real / system.K.diagonal()  # at frequency zero stiffness is real
+    q[:, _STILL] = (
+        load @ shaking[:, _STILL]
+    ).real / system.K.diagonal()  # at frequency zero stiffness is real
     moved, rate, acc = (irfft(each, size)[:, :count] for each in (q, 1j * omega * q, -(omega**2) * q))
     taken = _damping_power(system, q, omega, size)
     power = -(_upsampled(load.T @ (1j * omega * q), size) * _upsampled(-shaking, size)).sum(axis=0)
@@ -208,7 +211,7 @@ def _damping_power(system: System, q: Complex, omega: Floats, size: int) -> Floa
     """(2 size,) power that the imaginary stiffness takes, at half steps [W]."""
     assert system.hysteretic is not None
     force = 1j * (system.hysteretic @ q)
-    force[:, 0] = 0.0
+    force[:, _STILL] = 0.0
     taken = np.zeros(2 * size)
     for of_unknown, own in zip(force, 1j * omega * q, strict=True):  # one at a time, for memory
         taken += _upsampled(of_unknown, size) * _upsampled(own, size)
