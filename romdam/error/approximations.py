@@ -593,7 +593,7 @@ _REDUCTION = (
         ("timestepping.hysteretic:FrequencyDomain",),
         "complex stiffness of each material; the record followed by rest before it comes round again",
         "bounded by test",
-        ("test_hysteretic_stage.py::test_bar_of_two_materials_is_that_of_complex_moduli",),
+        ("effects/test_hysteretic_stage.py::test_bar_of_two_materials_is_that_of_complex_moduli",),
     ),
     Approximation(
         "stages of construction",
