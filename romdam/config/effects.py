@@ -124,11 +124,11 @@ EFFECTS = {
     "masses": _known(
         "masses", lambda config: bool(config.masses), linear=True, written=False, varies=("mass",)
     ),
-    "damping by material": EffectEntry(
+    "damping by material": _known(
         "materials.<name>.damping",
         lambda config: any(one.damping is not None for one in config.materials.values()),
-        frozenset({"matrices", "rest", "certificate", "linear stage"}),
-        "coupled",  # where materials of unlike damping are tied; parts of one damping stay apart
+        coupled=True,  # where materials of unlike damping are tied; parts of one damping stay apart
+        linear=True,
     ),
     "modal damping": _known("damping.modal", lambda config: config.damping.modal is not None, linear=True),
 }

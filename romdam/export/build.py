@@ -22,7 +22,7 @@ from romdam.core.scene import Scene
 from romdam.core.system import GapLaw
 from romdam.effects.added_mass import added_mass
 from romdam.export.deck import Deck, DeckMotion, Gaps, Solid, elastic
-from romdam.fem.damping import joints_alone_hold, rayleigh_coefficients
+from romdam.fem.damping import joints_alone_hold, material_coefficients, rayleigh_coefficients
 from romdam.fem.gaps import gap_law, gap_operators, water_force
 from romdam.fem.loads import static_force, surface_forces, weight_acts
 from romdam.geometry.meshes.quality import sound_volume
@@ -38,7 +38,7 @@ _OF_SCENE = {
     "warmed", "excluded_from_gravity", "staged_weight", "reservoir", "remarks", "load_order",
 }  # fmt: skip
 _OF_BLOCK = {"name", "element", "points", "cells", "material", "faces", "unsound_faces"}
-_OF_MATERIAL = {"E", "nu", "rho", "expansion"}
+_OF_MATERIAL = {"E", "nu", "rho", "expansion", "damping"}
 _OF_RESERVOIR = {"faces", "level", "depth", "density", "upstream", "length", "rock"}
 _OF_JOINT = {
     "name", "blocks", "nodes", "position", "area", "share", "axes", "weights", "gap", "K_n", "K_nz", "K_s",
@@ -59,7 +59,6 @@ _REMEDIES = {
     "force_histories": ("loads.force_history", "leave it out"),
     "construction": ("construction", "leave it out"),
     "initial": ("loads.initial_state.result", "let the run start from rest: static"),
-    "damping": ("materials.<name>.damping", "leave it out: damping.rayleigh is written for all solids"),
     "moving": ("supports[].motion, or ground.along", "let all supports move as the base does"),
 }
 _SOLVED = (
@@ -117,7 +116,10 @@ def build_deck(
     return Deck(
         title=title,
         points=points,
-        solids=tuple(Solid(n, b.element, number[n][b.cells], b.material) for n, b in scene.blocks.items()),
+        solids=tuple(
+            Solid(n, b.element, number[n][b.cells], b.material, material_coefficients(b, damping.rayleigh))
+            for n, b in scene.blocks.items()
+        ),
         fixed=fixed,
         follows=_square(vstack([follows, means])),
         mass=sum(b.material.rho * sound_volume(b, title) for b in scene.blocks.values()),
@@ -129,7 +131,7 @@ def build_deck(
         static=static,
         motion=motion,
         probes={probe.name: int(number[probe.block][probe.node]) for probe in scene.probes},
-        stated=tuple(_stated(scene, alpha, static)),
+        stated=tuple(_stated(scene, damping, static)),
         averaged=_averaged(scene),
     )
 
@@ -153,7 +155,7 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
     """
     for block in scene.blocks.values():
         refuse_unknown(block, _OF_BLOCK, _WRITTEN, _REMEDIES)
-        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN, _REMEDIES)
+        refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN)
     for joint in scene.joints.values():
         refuse_unknown(joint, _OF_JOINT, _WRITTEN)
     if scene.reservoir is not None:
@@ -212,11 +214,15 @@ def _gaps(
     return gaps, np.concatenate(position), csr_matrix(vstack(means))
 
 
-def _stated(scene: Scene, alpha: float, static: bool) -> Iterator[str]:
+def _stated(scene: Scene, damping: DampingConfig, static: bool) -> Iterator[str]:
     """State what no code has as romdam has it."""
     law = gap_law(scene)
-    loose = [part.name for part in scene_parts(scene).values() if joints_alone_hold(part, scene)]
-    if alpha > 0.0 and loose:
+    loose, alpha = list[str](), 0.0
+    for part in scene_parts(scene).values():
+        most = max(material_coefficients(scene.blocks[n], damping.rayleigh)[0] for n in part.blocks)
+        if most > 0.0 and joints_alone_hold(part, scene):
+            loose, alpha = [*loose, part.name], max(alpha, most)
+    if loose:
         yield (
             f"The mass term of Rayleigh damping, alpha = {alpha:.3g} 1/s, brakes the rigid motion of what "
             f"joints alone hold ({', '.join(loose)}); in romdam it does not, and slips are larger."

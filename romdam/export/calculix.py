@@ -32,8 +32,15 @@ def write_calculix(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     Raises
     ------
     ConfigError
-        for elements that CalculiX has not got, and for equilibrium of gaps under static loads.
+        for elements that CalculiX has not got, for equilibrium of gaps under static loads, and for blocks of
+        unlike damping: it takes one for the whole model, whatever material that stands at.
     """
+    dampings = {solid.damping for solid in deck.solids}
+    if len(dampings) > 1:
+        raise ConfigError(
+            "materials.<name>.damping: CalculiX has one Rayleigh damping of the whole model, and blocks have "
+            f"{len(dampings)}; leave it out, or export to opensees, abaqus or code_aster"
+        )
     if deck.static and len(deck.gaps) and deck.force.any():
         raise ConfigError(
             "loads.initial_state: static has gaps under static loads, where the static step of CalculiX "

@@ -58,9 +58,12 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     laws, gaps = _gap_kinds(deck)
     wet = np.flatnonzero(deck.added_mass.any(axis=(1, 2)))
     openings = zip(jump_points.tolist(), law.gap.tolist(), strict=True)
-    materials = {block_group(k): solid.material for k, solid in enumerate(deck.solids)}
+    solids = {block_group(k): solid for k, solid in enumerate(deck.solids)}
     settings: dict[str, object] = {
-        "BLOCKS": {name: (material.E, material.nu, material.rho) for name, material in materials.items()},
+        "BLOCKS": {
+            name: (one.material.E, one.material.nu, one.material.rho, *one.damping)
+            for name, one in solids.items()
+        },
         "HELD": {name: _COMPONENTS[name] for name in held},
         "RELATIONS": [(tuple(map(single_group, points)), *others) for points, *others in relations],
         "FORCES": [(single_group(point), *forces[point].tolist()) for point in loaded.tolist()],
@@ -71,7 +74,6 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         "PROBES": {name: single_group(point) for name, point in deck.probes.items()},
         "HEAD": openings_head(len(deck.gaps), deck.probes),
         "ALPHA": deck.alpha,
-        "BETA": deck.beta,
         "STATIC": deck.static and bool(forces.any()),
         "MODES": 10,
         "DT": deck.motion.dt,
@@ -139,8 +141,8 @@ if DISCRETE:
 model = AFFE_MODELE(MAILLAGE=mesh, AFFE=tuple(parts))
 
 materials = [
-    _F(GROUP_MA=name, MATER=DEFI_MATERIAU(ELAS=_F(E=E, NU=nu, RHO=rho, AMOR_ALPHA=BETA, AMOR_BETA=ALPHA)))
-    for name, (E, nu, rho) in BLOCKS.items()
+    _F(GROUP_MA=name, MATER=DEFI_MATERIAU(ELAS=_F(E=E, NU=nu, RHO=rho, AMOR_ALPHA=beta, AMOR_BETA=alpha)))
+    for name, (E, nu, rho, alpha, beta) in BLOCKS.items()
 ]
 materials += [_F(GROUP_MA=name, MATER=DEFI_MATERIAU(DIS_CONTACT=_F(**law))) for name, law in GAPS.items()]
 if WATER or TENSION:

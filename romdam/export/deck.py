@@ -20,12 +20,16 @@ _NO_MASS = 1e-9  # of a point's largest added mass: on a plane face, the roundin
 
 @dataclass(frozen=True)
 class Solid:
-    """Cells (nc, nodes per cell) of one block, numbers of points in the VTK order."""
+    """Cells (nc, nodes per cell) of one block, numbers of points in the VTK order.
+
+    `damping` is alpha [1/s] and beta [s] of its own mass and stiffness.
+    """
 
     name: str
     element: str
     cells: Ints
     material: Material
+    damping: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,7 @@ class Deck:
     added_mass : (n, 3, 3) of the water that moves with the dam, lumped at the points [kg]
     force : (n, 3) static: weight, water on faces and in joints, pressures, point forces, temperature [N]
     gaps : of all joints
-    alpha, beta : Rayleigh damping of solids and added mass [1/s], [s]
+    alpha, beta : Rayleigh damping of added mass, and of solids whose material has none of its own [1/s], [s]
     static : whether equilibrium under `force` comes first; else it acts from the record's start
     motion : the record
     probes : name -> point

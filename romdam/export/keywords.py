@@ -44,7 +44,7 @@ def mesh_text(deck: Deck, names: list[str]) -> str:
             f"{_number(material.E)}, {_number(material.nu)}",
             "*DENSITY",
             _number(material.rho or _LEAST_DENSITY),
-            f"*DAMPING, ALPHA={_number(deck.alpha)}, BETA={_number(deck.beta)}",
+            f"*DAMPING, ALPHA={_number(solid.damping[0])}, BETA={_number(solid.damping[1])}",
         ]
     lines += ["*ELSET, ELSET=EALL", *(f"B{k}" for k in range(1, len(names) + 1)), "*BOUNDARY"]
     lines += [f"{p + 1}, {c + 1}, {c + 1}" for p, c in np.argwhere(deck.fixed).tolist()]

@@ -67,7 +67,7 @@ def write_opensees(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
         "PROBES": {name: node + 1 for name, node in deck.probes.items()},
         "HEAD": openings_head(len(deck.gaps), deck.probes),
         "BLOCKS": {
-            k: (solid.name, name, solid.material.E, solid.material.nu, solid.material.rho)
+            k: (solid.name, name, solid.material.E, solid.material.nu, solid.material.rho, *solid.damping)
             for k, (solid, name) in enumerate(zip(deck.solids, names, strict=True), 1)
         },
     }
@@ -150,13 +150,17 @@ def build():
         ops.fix(tag, *(int(row["fix_" + axis]) for axis in "xyz"))
         if any(xyz(row, "mass_")):
             ops.mass(tag, *xyz(row, "mass_"))
-    for tag, (_, _, E, nu, rho) in BLOCKS.items():
+    for tag, (_, _, E, nu, rho, _, _) in BLOCKS.items():
         ops.nDMaterial("ElasticIsotropic", tag, E * LENGTH, nu, rho * LENGTH**3)
     cells = rows("elements.csv")
     for tag, row in enumerate(cells, 1):
         block = int(row["block"])
         ops.element(BLOCKS[block][1], tag, *map(int, row["nodes"].split()), block)
     ops.rayleigh(ALPHA, 0.0, BETA, 0.0)  # of the initial stiffness, which bricks keep: half the time
+    for block, (*_, alpha, beta) in BLOCKS.items():  # of materials with damping of their own
+        if (alpha, beta) != (ALPHA, BETA):
+            own = [tag for tag, row in enumerate(cells, 1) if int(row["block"]) == block]
+            ops.region(block, "-eleOnly", *own, "-rayleigh", alpha, 0.0, beta, 0.0)
     with open(HERE / "frequencies.csv", "w") as file:
         file.write("mode,frequency [Hz]\\n")
         for mode, value in enumerate(ops.eigen(MODES), 1):

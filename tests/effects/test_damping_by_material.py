@@ -12,7 +12,6 @@ from test_combinations import ALL_MODES, job
 
 import romdam
 from romdam.config import parse_config
-from romdam.config.effects import refuse_unknown_effects
 from romdam.core.errors import ConfigError
 from romdam.core.motion import GroundMotion
 from romdam.effects.full_order import assemble_full
@@ -276,9 +275,6 @@ def test_parts_of_one_damping_each_stay_apart_and_are_propagated_exactly():
 
 def test_what_cannot_have_it_is_refused_by_the_key():
     raw = bars() | {"records": [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"x": 1}}]}
-    config = parse_config(raw, "job.yaml")
-    with pytest.raises(ConfigError, match=r"materials.<name>.damping: damping by material is not written"):
-        refuse_unknown_effects(config, "deck", "job.yaml")
     with pytest.raises(ConfigError, match=r"materials.<name>.damping: is of a material, and damping.modal"):
         parse_config(raw | {"damping": {"modal": 0.05}}, "job.yaml")
     with pytest.raises(ConfigError, match=r"transient.integrator: adaptive needs modes that nothing couples"):

@@ -61,6 +61,12 @@ def _water(raw: dict[str, Any]) -> None:
     raw["water"] = {"level": "18 m", "faces": faces, "model": "westergaard"}
 
 
+def _own_damping(raw: dict[str, Any]) -> None:
+    own = {"frequencies": ["5 Hz", "50 Hz"], "ratio": "12 %"}
+    raw["materials"]["other"] = raw["materials"]["concrete"] | {"damping": own}
+    raw["blocks"]["right"]["material"] = "other"
+
+
 def _temperature(raw: dict[str, Any]) -> None:
     raw["materials"]["concrete"]["expansion"] = "1e-5 1/K"
     raw["loads"]["temperature"] = [{"change": "3 K", "blocks": ["left"]}]
@@ -84,6 +90,7 @@ EFFECTS: dict[str, Callable[[dict[str, Any]], None]] = {
     "tie": _cap,
     "massless rock": _rock,
     "no damping": lambda raw: raw.pop("damping"),
+    "damping of a material": _own_damping,
     "three components": lambda raw: raw.update(components=3),
 }  # fmt: skip
 APART = {  # laws of one joint that exclude each other, and what decks refuse

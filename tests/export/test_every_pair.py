@@ -14,7 +14,7 @@ from romdam.timestepping.settings import Settings
 
 
 def test_pairs_are_of_every_effect():
-    assert len(EFFECTS) == 16 and len(PAIRS) == 116
+    assert len(EFFECTS) == 17 and len(PAIRS) == 132
     assert ground(1e-4, 3).shape == (3, round(SECONDS / 1e-4) + 1)
 
 
