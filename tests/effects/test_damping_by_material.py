@@ -19,6 +19,8 @@ from romdam.pipelines.suites.run import SuiteOptions, run_suite
 from romdam.reduction.natural_modes import natural_modes
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene
+from romdam.visual.report.one_run import RunSubject, dam_section
+from romdam.visual.report.parts import PageTable
 
 DT, H, RHO, AREA = 0.005, 1.0, 2400.0, 1.0
 SCENE = {"alpha": 1.5, "beta": 1e-4}
@@ -333,3 +335,34 @@ def test_a_suite_over_the_damping_of_the_scene_is_refused(tmp_path):
     }
     with pytest.raises(ConfigError, match=r"1 of damping varied, limit 0 with damping by material"):
         parse_config(raw, "job.yaml")
+
+
+def test_a_result_and_its_report_state_the_damping_of_materials_and_effective_ratios():
+    """Ratios of the open-joint modes by the bars' own matrices; the attribute and the pages' tables."""
+    raw = bars(modes="all")
+    raw["supports"] += [
+        {"block": block, "face": face, "fix": ["y", "z"]}
+        for block in ("left", "tail", "right")
+        for face in ("ymin", "ymax")
+    ]
+    data = run(raw, shaken(0.05), finer=2)
+    K, M, C, free = bar_matrices()
+    omega2, phi = eigh(K[free, free], M[free, free])
+    ratio = (phi.T @ C[free, free] @ phi).diagonal() / (2 * np.sqrt(omega2))
+    order = np.argsort(data.mode_frequency.values)
+    np.testing.assert_allclose(
+        data.mode_frequency.values[order][:8], np.sqrt(omega2[:8]) / (2 * np.pi), rtol=1e-9
+    )
+    np.testing.assert_allclose(data.mode_damping_ratio.values[order][:8], ratio[:8], rtol=1e-8)
+    assert "left: alpha = 12 1/s, beta = 0.0002 s of their own M and K" in data.attrs["material_damping"]
+    raw["records"] = [{"file": "r.txt", "unit": "m/s2", "dt": DT, "components": {"x": 1}}]
+    section = dam_section(RunSubject(data, parse_config(raw, "job.yaml"), {}, {}))
+    tables = {part.caption: part for part in section.parts if isinstance(part, PageTable)}
+    assert [row[-1] for row in tables["Materials"].rows] == [
+        "alpha 12 1/s, beta 0.0002 s",
+        "1.5 % at 20 and 120 Hz",
+        "of all",
+    ]
+    first = tables["Lowest modes with joints open"].rows[0]
+    assert float(first[0]) == pytest.approx(np.sqrt(omega2[0]) / (2 * np.pi), rel=1e-3)
+    assert float(first[1]) == pytest.approx(100 * ratio[0], rel=1e-2)

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.config.job import Config
+from romdam.config.sections.job import RayleighConfig
 from romdam.config.stated import StatedKey, stated_keys
 from romdam.core.display_units import SI, DisplayUnits, unit_text
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
@@ -172,7 +173,14 @@ def dam_section(subject: RunSubject) -> PageSection:
         rows = [[*row, value] for row, value in zip(rows, dynamic, strict=True)]
         head[1] = f"E at rest [{stress}]"
         head.append(f"E of the record [{unit}]")
+    if any(material.damping is not None for material in materials):
+        rows = [
+            [*row, _damping_text(material.damping)] for row, material in zip(rows, materials, strict=True)
+        ]
+        head.append("damping")
     parts.append(PageTable(head, rows, "Materials"))
+    if any(material.damping is not None for material in materials) and "mode_damping_ratio" in dataset:
+        parts.append(_ratios_table(dataset))
     if "joint" in dataset:
         parts.append(_joints_table(subject))
     sample: list[list[Value]] = [
@@ -187,6 +195,26 @@ def dam_section(subject: RunSubject) -> PageSection:
         _keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
     )
     return PageSection("dam", "The dam", parts)
+
+
+def _damping_text(damping: RayleighConfig | None) -> str:
+    """Rayleigh damping of a material."""
+    if damping is None:
+        return "of all"
+    if damping.ratio is not None and damping.frequencies is not None:
+        first, second = damping.frequencies
+        return f"{100.0 * damping.ratio:g} % at {first:g} and {second:g} Hz"
+    return f"alpha {damping.alpha:g} 1/s, beta {damping.beta:g} s"
+
+
+def _ratios_table(dataset: xr.Dataset) -> PageTable:
+    """Effective damping ratios of the lowest modes that strain."""
+    freq, ratio = dataset.mode_frequency.values, dataset.mode_damping_ratio.values
+    strained = np.flatnonzero(np.isfinite(ratio))
+    lowest = strained[np.argsort(freq[strained])][:_LONG_LIST]
+    rows: list[list[Value]] = [[f"{freq[k]:.4g}", f"{100.0 * ratio[k]:.3g}"] for k in lowest]
+    head = ["frequency [Hz]", "effective damping ratio [%]"]
+    return PageTable(head, rows, "Lowest modes with joints open")
 
 
 def _joints_table(subject: RunSubject) -> PageTable:
