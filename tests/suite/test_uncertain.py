@@ -294,7 +294,7 @@ TIED = {"joints": {}, "ties": {"t": {"between": ["left", "right"]}}, **TWO}
          "loads.temperature.<number>.change (of no table)"),
         ("loads.temperature.0.change", [3], EXPANDS | {"suite_keep": "full",
          "loads": {"temperature": [{"change": 1}]}}, "suite.keep: a kept result"),
-        ("materials.concrete.nu", [0.2], {}, "materials.<name>.E, .E_dynamic or .rho"),
+        ("materials.concrete.nu", [0.2], {}, "materials.<name>.E, .E_dynamic, .rho or .damping.ratio"),
         ("materials.concrete.E", ["-3 GPa"], {}, "got '-3 GPa'"),
         ("materials.concrete.E", [2e10], {"suite_keep": "full"}, "suite.keep: a kept result"),
         ("water.level", [12], water("westergaard") | HEAVY, "loads.hydrostatic.0.level is at the same 15 m"),
