@@ -9,13 +9,15 @@ import pytest
 from reference_run import reference
 from test_cli import call
 
-from romdam.benchmarks import catalogue
+from romdam.benchmarks import catalogue, measured
 from romdam.benchmarks.case import BenchmarkCase, PublishedValue, run_cases, select_cases
 from romdam.benchmarks.catalogue import CASES
+from romdam.benchmarks.jobs import modes_of
 from romdam.core.errors import ConfigError, ConvergenceError
 
-SLOW = {"pine-flat", "cracked-base", "ssnp142f", "two-cantilevers"}
-KNOWN = {"ssnp142f": "GEFDYN"}  # case: what the source of a number that is known to differ begins with
+SLOW = {"pine-flat", "pacoima", "cracked-base", "ssnp142f", "two-cantilevers"}
+# case: what the source of a number that is known to differ begins with
+KNOWN = {"ssnp142f": "GEFDYN", "pacoima": "Alves", "pine-flat-tests": "Rea"}
 SOUGHT = "westergaard"  # a case that takes no time
 
 
@@ -44,6 +46,47 @@ def test_every_number_has_a_source_and_a_tolerance():
             known = case.name in KNOWN and one.source.startswith(KNOWN[case.name])
             assert bool(one.reason) == known
             assert one.reason or one.tolerance <= 0.05, "a wide tolerance needs a reason"
+
+
+def verdicts(name, ours):
+    return [row.verdict for row in run_cases([replace(by_name(name), compute=lambda: ours)])]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("concrete, rock", [(0.5, 0.5), (2.0, 2.0), (1.0, 0.5)])
+def test_pacoima_of_a_wrong_modulus_is_outside(concrete, rock):
+    """Of both moduli the frequencies go with the root; of softer rock alone they fall by 5 % or more."""
+    E = measured.PACOIMA_CONCRETE["E"]
+    keys = measured.pacoima(measured.PACOIMA_CONCRETE | {"E": concrete * E}, rock * 13.9e9)
+    wrong = np.array(measured.pacoima_frequencies(keys))
+    assert verdicts("pacoima", wrong)[0] == "outside"
+    right = np.array(by_name("pacoima").compute())
+    if concrete == rock:
+        assert wrong / right == pytest.approx(rock**0.5, rel=1e-6)
+        assert set(verdicts("pacoima", wrong)) == {"outside"}
+    else:
+        assert (wrong / right < 0.95).all()
+
+
+def test_pine_flat_of_a_wrong_model_is_outside():
+    concrete = measured.PINE_FLAT_CONCRETE
+    winter, summer, ratio = measured.pine_flat_periods(concrete | {"E": 0.5 * concrete["E"]})
+    assert verdicts("pine-flat-tests", (winter, summer, 1.0)) == ["outside"] * 3  # 1.0: no water
+    right = by_name("pine-flat-tests").compute()
+    assert [winter, summer, ratio] == pytest.approx(
+        [right[0] * 2**0.5, right[1] * 2**0.5, right[2]], rel=1e-6
+    )
+
+
+def test_the_share_of_water_in_the_laboratorys_arch_is_that_of_its_density():
+    """A modulus leaves the ratio as it is; concrete of half the density does not, and is outside."""
+    ratios = []
+    for E, rho in ((20e9, 2400.0), (10e9, 2400.0), (20e9, 1200.0)):
+        modes = modes_of(measured.arch_model({"E": E, "nu": 0.2, "rho": rho}), 1)
+        ratios.append(modes.freq[0] / modes.dry_freq[0])
+    assert ratios[1] == pytest.approx(ratios[0], rel=1e-6)
+    assert verdicts("arch-model", [ratios[0]]) == ["within"]
+    assert verdicts("arch-model", [ratios[2]]) == ["outside"]
 
 
 def test_numbers_of_the_two_cantilevers_are_those_of_the_stored_histories():

@@ -1,5 +1,7 @@
 """The whole benchmark set, in the order of its table."""
 
-from romdam.benchmarks import contact, frequencies, two_cantilevers, uplift, water
+from romdam.benchmarks import contact, frequencies, measured, two_cantilevers, uplift, water
 
-CASES = frequencies.CASES + water.CASES + contact.CASES + uplift.CASES + two_cantilevers.CASES
+CASES = (
+    frequencies.CASES + water.CASES + measured.CASES + contact.CASES + uplift.CASES + two_cantilevers.CASES
+)
