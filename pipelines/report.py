@@ -84,6 +84,24 @@ def report_run(
         where the file is no result, its joint laws are of a file that is gone, or the folder refuses a file.
     """
     clock, name = Clock(show), path.with_name(f"{path.stem}-report")
+    subject = run_subject(path, system, report_command(path, system, pdf=pdf), clock)
+    with clock.stage("report", "writing the report"):
+        return write_report(run_report(subject), name, LETTER if system is US else A4, pdf=pdf)
+
+
+def run_subject(path: Path, system: DisplayUnits, command: Sequence[str], clock: Clock) -> RunSubject:
+    """Read a run for its reports, with a picture of its scene where that can be drawn.
+
+    Parameters
+    ----------
+    path : of the result
+    command : that asks for the report
+
+    Raises
+    ------
+    RomdamError
+        where the file is no result, or its joint laws are of a file that is gone.
+    """
     with open_result(path) as result:
         attrs = result.dataset.attrs
         folder = path.parent / str(attrs[FOLDER]) if FOLDER in attrs else path.parent
@@ -97,16 +115,18 @@ def report_run(
             except RomdamError as error:  # a mesh file that is gone, for example
                 log.info("no picture of the scene: %s", error)
                 drawn = None
-        with clock.stage("report", "writing the report"):
-            command = ["romdam", "report", path.name, *(["--units", "us"] if system is US else [])]
-            command += ["--pdf"] if pdf else []
-            said = {str(kind): sentence for kind, sentence in sentences(attrs).items()}
-            dataset, errors = result.dataset.load(), opening_errors(attrs)
-            subject = RunSubject(dataset, config, errors, said, system, drawn, shlex.join(command))
-            return _write(run_report(subject), name, LETTER if system is US else A4, pdf=pdf)
+        said = {str(kind): sentence for kind, sentence in sentences(attrs).items()}
+        dataset, errors = result.dataset.load(), opening_errors(attrs)
+        return RunSubject(dataset, config, errors, said, system, drawn, shlex.join(command))
 
 
-def _write(made: Report, name: Path, paper: tuple[float, float], *, pdf: bool) -> list[Path]:
+def report_command(path: Path, system: DisplayUnits, *more: str, pdf: bool) -> list[str]:
+    """The command that asks for a report of one run."""
+    units = ["--units", "us"] if system is US else []
+    return ["romdam", "report", path.name, *more, *units, *(["--pdf"] if pdf else [])]
+
+
+def write_report(made: Report, name: Path, paper: tuple[float, float], *, pdf: bool) -> list[Path]:
     """Write a page, and a PDF where asked for, whole or not at all."""
     path = name.with_name(f"{name.name}.html")
     text = page(made)
@@ -165,7 +185,7 @@ def report(
         picture = bytes(data.picture.values.tobytes()) if data is not None else b""
         with clock.stage("report", "writing the report"):
             subject = Subject(summary, topic, data, picture or None, _files(summary, folder))
-            return _write(suite_report(subject), folder / "report", A4, pdf=pdf)
+            return write_report(suite_report(subject), folder / "report", A4, pdf=pdf)
 
 
 def _files(summary: xr.Dataset, folder: Path) -> dict[RunIndex, list[tuple[str, str]]]:

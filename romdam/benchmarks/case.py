@@ -12,15 +12,10 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from math import nan
-from typing import Literal
 
+from romdam.core.benchmark_row import BenchmarkRow, Kind, Verdict
 from romdam.core.errors import ConfigError, describe_error, quote, recoverable
 from romdam.core.threads import one_thread
-
-# printed by who computed it, quoted by somebody else, an equation, computed with another code and not printed
-Kind = Literal["printed", "secondary", "closed form", "another code"]
-Verdict = Literal["within", "known difference", "outside", "failed"]
-WRONG: tuple[Verdict, ...] = ("outside", "failed")
 
 
 @dataclass(frozen=True)
@@ -36,6 +31,7 @@ class PublishedValue:
     source : publication with its year, and page or equation as far as they are known
     kind : whether the source prints its own number, quotes another's, is an equation, or is another code
     reason : why romdam's number is known to differ; empty where it should not
+    measured : whether it was measured, on a dam or a model of one
     """
 
     name: str
@@ -45,6 +41,7 @@ class PublishedValue:
     source: str
     kind: Kind
     reason: str = ""
+    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,32 +60,6 @@ class BenchmarkCase:
     what: str
     quantities: tuple[PublishedValue, ...]
     compute: Callable[[], Sequence[float]]
-
-
-@dataclass(frozen=True)
-class Row:
-    """One number of others with romdam's beside it.
-
-    Attributes
-    ----------
-    case, quantity, unit, published, tolerance, source, kind : as declared
-    ours : romdam's number [unit]; NaN where the case failed
-    difference : ours / published - 1; NaN where the case failed
-    verdict : within the tolerance, within it with a known reason to differ, outside, or failed
-    note : the reason of a known difference, or the error
-    """
-
-    case: str
-    quantity: str
-    unit: str
-    ours: float
-    published: float
-    difference: float
-    tolerance: float
-    verdict: Verdict
-    source: str
-    kind: Kind
-    note: str
 
 
 def select_cases(cases: Sequence[BenchmarkCase], *patterns: str) -> tuple[BenchmarkCase, ...]:
@@ -116,21 +87,21 @@ def select_cases(cases: Sequence[BenchmarkCase], *patterns: str) -> tuple[Benchm
 @one_thread()
 def run_cases(
     cases: Sequence[BenchmarkCase], show: Callable[[str], AbstractContextManager[object]] = nullcontext
-) -> list[Row]:
+) -> list[BenchmarkRow]:
     """Compute the cases in their order; one that fails leaves rows that say so, and the others go on.
 
     Parameters
     ----------
     show : tells a watcher which case is on
     """
-    rows: list[Row] = []
+    rows: list[BenchmarkRow] = []
     for case in cases:
         with show(case.name):
             rows += _rows(case)
     return rows
 
 
-def _rows(case: BenchmarkCase) -> Iterator[Row]:
+def _rows(case: BenchmarkCase) -> Iterator[BenchmarkRow]:
     message, ours = "", [nan] * len(case.quantities)
     try:
         ours = [float(value) for value in case.compute()]
@@ -143,8 +114,9 @@ def _rows(case: BenchmarkCase) -> Iterator[Row]:
             verdict = "failed"
         elif not abs(difference) <= quantity.tolerance:  # NaN is outside too
             verdict = "outside"
-        yield Row(
+        yield BenchmarkRow(
             case.name,
+            case.what,
             quantity.name,
             quantity.unit,
             value,
@@ -154,5 +126,6 @@ def _rows(case: BenchmarkCase) -> Iterator[Row]:
             verdict,
             quantity.source,
             quantity.kind,
+            quantity.measured,
             message or quantity.reason,
         )

@@ -182,6 +182,7 @@ CASES = (
                 f"{ALVES}, 5.35 to 5.45 Hz measured",
                 "printed",
                 _GUESSED_ARCH,
+                measured=True,
             ),
             PublishedValue(
                 "first antisymmetric mode as measured",
@@ -191,6 +192,7 @@ CASES = (
                 f"{ALVES}, 5.65 to 5.75 Hz measured",
                 "printed",
                 _GUESSED_ARCH,
+                measured=True,
             ),
         ),
         _pacoima,
@@ -200,9 +202,9 @@ CASES = (
         "Pine Flat, 400 by 1,840 ft, in one piece, E 22.41 GPa: forced vibration of 1971 with water at 310 "
         "and 345 ft; guessed valley; 37 by 2 by 10 hex20",
         (
-            PublishedValue("first period, winter", 0.288, "s", 0.1, REA, "secondary", _GUESSED_VALLEY),
-            PublishedValue("first period, summer", 0.306, "s", 0.1, REA, "secondary", _GUESSED_VALLEY),
-            PublishedValue("summer over winter", 0.306 / 0.288, "", 0.04, REA, "secondary", _SEASONS),
+            PublishedValue("first period, winter", 0.288, "s", 0.1, REA, "secondary", _GUESSED_VALLEY, True),
+            PublishedValue("first period, summer", 0.306, "s", 0.1, REA, "secondary", _GUESSED_VALLEY, True),
+            PublishedValue("summer over winter", 0.306 / 0.288, "", 0.04, REA, "secondary", _SEASONS, True),
         ),
         _pine_flat,
     ),
@@ -210,7 +212,11 @@ CASES = (
         "arch-model",
         "arch of a laboratory, 60 cm by 6 cm, single curvature: what a full reservoir leaves of its first "
         "frequency; guessed radius 66 cm and angle 106 degrees (50 to 80 cm: 0.75 to 0.78)",
-        (PublishedValue("first frequency, full over empty", 0.775, "", 0.035, SEVIM, "secondary"),),
+        (
+            PublishedValue(
+                "first frequency, full over empty", 0.775, "", 0.035, SEVIM, "secondary", measured=True
+            ),
+        ),
         _arch_model,
     ),
 )

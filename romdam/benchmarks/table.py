@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, fields
+from importlib import resources
 from math import isfinite
 from pathlib import Path
 
-from romdam.benchmarks.case import Row
+from romdam.core.benchmark_row import BenchmarkRow
 from romdam.core.errors import ConfigError
 from romdam.core.files import prepare_folder, replacing
 from romdam.core.version import SOURCE, VERSION
@@ -16,6 +17,7 @@ from romdam.postprocess.variant_tables import markdown_table
 from romdam.results.table import write_csv
 
 SUFFIXES = (".csv", ".json", ".md")
+SHIPPED = "figures.json"  # all cases as `romdam benchmarks --out` wrote them for this version
 _SIGNS = 6  # significant digits of a number in Markdown, as sources print at most
 
 
@@ -32,7 +34,7 @@ def refuse_format(path: Path) -> None:
         )
 
 
-def write_rows(rows: Sequence[Row], path: Path) -> Path:
+def write_rows(rows: Sequence[BenchmarkRow], path: Path) -> Path:
     """Write the rows whole or not at all; what failed has no number.
 
     Raises
@@ -46,14 +48,20 @@ def write_rows(rows: Sequence[Row], path: Path) -> Path:
             ["" if isinstance(value, float) and not isfinite(value) else value for value in astuple(row)]
             for row in rows
         )
-        return write_csv([field.name for field in fields(Row)], cells, path)
+        return write_csv([field.name for field in fields(BenchmarkRow)], cells, path)
     text = _json(rows) if path.suffix.lower() == ".json" else _markdown(rows)
     with replacing(path) as unfinished:
         unfinished.write_text(text, encoding="utf-8")
     return path
 
 
-def _json(rows: Sequence[Row]) -> str:
+def shipped_rows() -> list[BenchmarkRow]:
+    """The rows that came with the package, computed when it was released."""
+    text = (resources.files("romdam.benchmarks") / SHIPPED).read_text(encoding="utf-8")
+    return [BenchmarkRow(**row) for row in json.loads(text)["rows"]]
+
+
+def _json(rows: Sequence[BenchmarkRow]) -> str:
     listed = [
         {
             name: None if isinstance(value, float) and not isfinite(value) else value
@@ -65,7 +73,7 @@ def _json(rows: Sequence[Row]) -> str:
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
 
-def _markdown(rows: Sequence[Row]) -> str:
+def _markdown(rows: Sequence[BenchmarkRow]) -> str:
     """The table, and below it the reasons of known differences and the errors."""
     lines = [
         (

@@ -33,9 +33,10 @@ def benchmarks(
 
     Exit code 1 if a number is outside its tolerance. A known difference is marked, with its reason.
     """
-    from romdam.benchmarks.case import WRONG, run_cases, select_cases
+    from romdam.benchmarks.case import run_cases, select_cases
     from romdam.benchmarks.catalogue import CASES
     from romdam.benchmarks.table import refuse_format, write_rows
+    from romdam.core.benchmark_row import WRONG
     from romdam.terminal import complain, only_errors, open_terminal
     from romdam.terminal.tables import benchmarks_table, cases_table
 

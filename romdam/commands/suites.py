@@ -77,6 +77,13 @@ def report(
         typer.Argument(help="Result of one run, or folder of several runs or a suite.", metavar="RESULT|DIR"),
     ],
     pdf: Annotated[bool, typer.Option("--pdf", help="The same as a PDF too.")] = False,
+    validation: Annotated[
+        bool,
+        typer.Option(
+            "--validation",
+            help="The validation report of one run: model, errors, benchmarks, measurements, uncertainty.",
+        ),
+    ] = False,
     units: Annotated[
         Units | None, typer.Option(help="Of the report of one run: si, or us for US customary units.")
     ] = None,
@@ -104,7 +111,8 @@ def report(
 ) -> None:
     """Write the report of one run beside it, or DIR/report.html of several; pages need no network.
 
-    That of one run has assumptions, loads, checks, tables, acceptance and limits.
+    That of one run has assumptions, loads, checks, tables, acceptance and limits; --validation writes what
+    speaks for and against the numbers instead.
     """
     from romdam.core.display_units import SI, US
     from romdam.pipelines.report import ReportOptions, report_run
@@ -114,16 +122,23 @@ def report(
     of_runs = {"--config": config, "--response": response, "--intensity": intensity, "--threshold": threshold}
     of_runs["--hazard"] = hazard
     one_run = not source.is_dir()
-    for option, value in of_runs.items() if one_run else (("--units", units),):
+    of_one = {"--units": units, "--validation": validation or None}
+    for option, value in (of_runs if one_run else of_one).items():
         if value is not None:
             raise typer.BadParameter(
                 f"is for {'folders of several runs' if one_run else 'the result of one run'}, {source} is "
-                f"{'a file' if one_run else 'a folder, whose report is in SI'}",
+                f"{'a file' if one_run else 'a folder'}",
                 param_hint=option,
             )
     stages, say = open_terminal(quiet, verbose)
-    if one_run:
-        written = report_run(source, US if units is Units.us else SI, pdf=pdf, show=stages)
+    system = US if units is Units.us else SI
+    if validation:
+        from romdam.benchmarks.table import shipped_rows
+        from romdam.pipelines.validation import validate_run
+
+        written = validate_run(source, shipped_rows(), system, pdf=pdf, show=stages)
+    elif one_run:
+        written = report_run(source, system, pdf=pdf, show=stages)
     else:
         job = romdam.load_config(config) if config else None
         options = ReportOptions(response, intensity or "sa", tuple(threshold or ()), hazard)

@@ -143,6 +143,22 @@ def opening_errors(attributes: Mapping[str, object], measure: str = "l2") -> dic
     return errors
 
 
+def quantity_errors(attributes: Mapping[str, object]) -> dict[Kind, dict[str, tuple[float, float]]]:
+    """Every error that a result states: kind of the statement -> quantity -> (in L2, of the peak)."""
+    stated: dict[Kind, dict[str, tuple[float, float]]] = {}
+    for kind, names in _NAMES.items():
+        start, end = f"{names.numbers}_", "_l2"
+        found = [
+            key[len(start) : -len(end)] for key in attributes if key.startswith(start) and key.endswith(end)
+        ]
+        both = {name: tuple(f"{start}{name}_{norm}" for norm in ("l2", "peak")) for name in found}
+        stated[kind] = {
+            name: (float(str(attributes[l2])), float(str(attributes.get(peak, "nan"))))
+            for name, (l2, peak) in both.items()
+        }
+    return {kind: errors for kind, errors in stated.items() if errors}
+
+
 def row_errors(attributes: Mapping[str, object]) -> dict[str, float]:
     """Those of `opening_errors` that a row of a summary has besides that of the steps, by their names."""
     errors = opening_errors(attributes)

@@ -15,7 +15,8 @@ from romdam.core.printable import one_line
 if TYPE_CHECKING:
     import xarray as xr
 
-    from romdam.benchmarks.case import BenchmarkCase, Row
+    from romdam.benchmarks.case import BenchmarkCase
+    from romdam.core.benchmark_row import BenchmarkRow
     from romdam.pipelines.check import CheckedJob
     from romdam.postprocess.variant_tables import VariantTable
 
@@ -353,7 +354,7 @@ def cases_table(cases: Sequence[BenchmarkCase]) -> Table:
     return table
 
 
-def benchmarks_table(rows: Sequence[Row]) -> Table:
+def benchmarks_table(rows: Sequence[BenchmarkRow]) -> Table:
     """A row for each number of the benchmark set: romdam's, that of others, and its source."""
     table = _table("Benchmarks", ("case", "quantity"), ("romdam", "published", "difference [%]"))
     table.add_column("")

@@ -192,7 +192,7 @@ def dam_section(subject: RunSubject) -> PageSection:
         PageTable(["parameter", "value [SI]"], sample, "Sample of a suite: in place of what the job states")
     )
     parts.append(
-        _keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
+        keys_table(subject, "Geometry", "blocks", "arch_dam", "gravity_dam", "cut", "supports", "ties")
     )
     return PageSection("dam", "The dam", parts)
 
@@ -238,7 +238,7 @@ def loads_section(subject: RunSubject) -> PageSection:
     """Loads, water, ground and damping; resultants of the water in joints."""
     dataset, parts = subject.dataset, list[Part]()
     parts.append(
-        _keys_table(
+        keys_table(
             subject,
             "Loads, what is attached, water, ground and damping",
             *("loads", "anchors", "masses", "construction", "water", "ground", "damping"),
@@ -329,7 +329,7 @@ def motion_section(subject: RunSubject) -> PageSection:
         for axis in dataset.component.values
         if float(peaks.sel(component=axis)) > 0.0
     ]
-    keys = _keys_table(subject, "As the job states it", "records")
+    keys = keys_table(subject, "As the job states it", "records")
     return PageSection(
         "motion", "Ground motion", [PageTable([], rows), *subject.figures("ground_motion"), keys]
     )
@@ -351,7 +351,7 @@ def checks_section(subject: RunSubject) -> PageSection:
     said = [Text(f"{words[kind]}: {sentence}") for kind, sentence in subject.statements.items()]
     order, count = str(attrs["model_order"]), attrs.get("unknowns", "–")
     size = Text(f"{order.capitalize()} model of {count} unknowns, integrator {attrs.get('integrator', '–')}.")
-    keys = _keys_table(subject, "Model and time stepping", "model", "transient", "outputs")
+    keys = keys_table(subject, "Model and time stepping", "model", "transient", "outputs")
     return PageSection("checks", "Checks and stated errors", [size, PageTable(head, rows), *said, keys])
 
 
@@ -520,7 +520,7 @@ def reproduction_section(subject: RunSubject) -> PageSection:
     return PageSection("reproduce", "How to reproduce", parts)
 
 
-def _keys_table(subject: RunSubject, caption: str, *sections: str) -> PageTable:
+def keys_table(subject: RunSubject, caption: str, *sections: str) -> PageTable:
     """Keys of sections of the job that are not at their defaults."""
     keys = [
         key for key in stated_keys(subject.config) if key.path.partition(".")[0].partition("[")[0] in sections
