@@ -42,7 +42,7 @@ from romdam.visual.report.parts import (
     number,
 )
 from romdam.visual.report.statistics import responses_section
-from romdam.visual.report.subject import Subject, Topic, runs_text
+from romdam.visual.report.subject import Subject, Topic
 
 SOURCE = "Salamon, Hariri-Ardebili, Frontiers in Built Environment 10 (2024) 1452415"
 REMEDIES = {  # of what is not stated, with the configuration's and the result's name
@@ -431,8 +431,9 @@ def uncertainty_section(subject: ValidationSubject) -> PageSection:
         )
         parts.append(Code("romdam run SUITE.yaml --out DIR"))
     else:
-        parts.append(Text(f"Statistics of {runs_text(summary)} of the same job."))
-        section = responses_section(Subject(summary, Topic()))
+        runs = Subject(summary, Topic())
+        parts.append(Text(f"Statistics of {runs.done} runs of the same job."))
+        section = responses_section(runs)
         parts += section.shown if section else []
     return PageSection("uncertainty", "6 Uncertainty", parts)
 
