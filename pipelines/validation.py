@@ -56,7 +56,7 @@ def validate_run(
     run = run_subject(path, system, report_command(path, system, "--validation", pdf=pdf), clock)
     attrs = run.dataset.attrs
     with clock.stage("report", "writing the report"):
-        errors = {str(kind): of_kind for kind, of_kind in quantity_errors(attrs).items()}
+        errors = {str(kind): of_kind for kind, of_kind in quantity_errors(attrs).items()} | mesh_parts(attrs)
         subject = ValidationSubject(
             run,
             Path(str(attrs["configuration_file"])).name,
@@ -68,6 +68,21 @@ def validate_run(
         )
         name = path.with_name(f"{path.stem}-validation")
         return write_report(validation_report(subject), name, LETTER if system is US else A4, pdf=pdf)
+
+
+def mesh_parts(attrs: Mapping[str, object]) -> dict[str, dict[str, tuple[float, float]]]:
+    """What elements, contact points and each direction of the mesh leave of the openings, where stated."""
+    stated = json.loads(str(attrs.get("discretisation", "{}")))
+    parts = {"elements": stated.get("elements"), "contact points": stated.get("contact_points")}
+    openings = {name: part.get("opening") for name, part in parts.items() if isinstance(part, dict)}
+    directions = stated.get("directions")
+    openings |= directions if isinstance(directions, dict) else {}
+    return {
+        name: {"opening": (float(error["l2"]), float(error["peak"]))}
+        for name, error in openings.items()
+        if isinstance(error, dict)
+        and all(isinstance(error.get(norm), int | float) for norm in ("l2", "peak"))
+    }
 
 
 def _approximations(run: RunSubject) -> tuple[list[AppliedApproximation], int]:

@@ -174,7 +174,8 @@ NOWHERE = [
     ("info", "none.nc"), ("info", "none.h5"), ("plot", "none.nc"), ("compare", "a.nc", "b.nc"),
     ("view", "none.nc"), ("wedges", "none.yaml"), ("stability", "none.yaml", "none.nc"),
     ("combinations", "none.yaml"),
-    ("records", "nowhere"), ("report", "nowhere"), ("report", "none.nc", "--validation"), ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
+    ("records", "nowhere"), ("report", "nowhere"), ("report", "none.nc", "--validation"),
+    ("clean", "none.yaml", "-o", "o"), ("init", "nothing"),
     ("export", "none.yaml", "-o", "o", "--to", "opensees"), ("cache", "burn"),
     ("schema", "-o", "/dev/null/x"), ("benchmarks", "--only", "none"),
 ]  # fmt: skip

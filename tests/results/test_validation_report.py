@@ -17,7 +17,7 @@ from romdam.core.display_units import SI
 from romdam.error.applicable import applies
 from romdam.error.approximations import APPROXIMATIONS, Approximation, not_included
 from romdam.error.statement import opening_errors, quantity_errors, sentences
-from romdam.pipelines.validation import _applied, _approximations
+from romdam.pipelines.validation import _applied, _approximations, mesh_parts
 from romdam.results.companions import Companions, companions_of
 from romdam.results.dataset import write_dataset
 from romdam.visual.report.one_run import RunSubject
@@ -40,10 +40,11 @@ ATTRIBUTES = ("discretisation", "certificate", "error_estimate", "verification",
 
 
 def subject_of(dataset, job, benchmarks=(), companions=None):
-    run = RunSubject(dataset, job.config, opening_errors(dataset.attrs), sentences(dataset.attrs), SI)
+    attrs = dataset.attrs
+    run = RunSubject(dataset, job.config, opening_errors(attrs), sentences(attrs), SI)
     return ValidationSubject(
-        run, "dam.yaml", "quake.nc", quantity_errors(dataset.attrs), *_approximations(run), benchmarks,
-        companions or Companions(),
+        run, "dam.yaml", "quake.nc", quantity_errors(attrs) | mesh_parts(attrs), *_approximations(run),
+        benchmarks, companions or Companions(),
     )  # fmt: skip
 
 
@@ -102,6 +103,29 @@ def test_errors_stand_by_statement_and_quantity_and_add_up(result, job):
     assert of_modes["modes that are left out"][2:] == ["estimate, certificate, verification", "0.4"]
     assert of_modes["size of the elements"][2:] == ["discretisation", "3"]
     assert of_modes["finest step"][2:] == ["steps", "0.5"]
+
+
+def test_parts_of_the_mesh_and_of_the_steps_have_rows_of_their_own(result, job):
+    one = {"l2": 0.02, "peak": 0.007}
+    details = {
+        "elements": {"opening": one, "slip": one},
+        "contact_points": {"opening": {"l2": 0.01, "peak": 0.004}},
+        "directions": {"up": {"l2": 0.015, "peak": 0.003, "times_gaps_to_halve": 1.5}, "odd": "text"},
+    }
+    steps = {"solver_estimated_time_error_slips": 0.04, "solver_estimated_time_error_residual_slips": 0.06}
+    stated = STATED | steps | {"discretisation": json.dumps(details)}
+    report = validation_report(subject_of(stating(result.dataset, **stated), job))
+    assert rows_of(report, "Stated errors")[2:] == [
+        ["of these, elements", "opening", "2", "0.7"],
+        ["of these, contact points", "opening", "1", "0.4"],
+        ["of these, up", "opening", "1.5", "0.3"],
+        ["modes, certificate", "opening", "0.4", "0.21"],
+        ["modes, estimate", "opening", "0.6", "0.33"],
+        ["steps", "opening", "0.5", "0.12"],
+        ["steps", "slip", "4", "–"],
+        ["steps", "residual slip", "6", "–"],
+        ["all, at most", "opening", "3.9", "–"],
+    ]
 
 
 def test_a_result_without_estimates_names_the_commands_that_state_them(result, job):

@@ -52,6 +52,9 @@ REMEDIES = {  # of what is not stated, with the configuration's and the result's
 }
 _STATEMENTS = {
     "discretisation": "mesh and contact points",
+    **{
+        part: f"of these, {part}" for part in ("elements", "contact points", "up", "through", "along", "rock")
+    },
     "verification": "modes, against the full mesh",
     "certificate": "modes, certificate",
     "estimate": "modes, estimate",
@@ -99,7 +102,7 @@ class ValidationSubject:
     ----------
     run : the run, and how numbers are shown
     config_name, result_name : files, for commands
-    errors : statement -> quantity -> relative error in L2 and of the peak
+    errors : statement, or a part of the mesh's -> quantity -> relative error in L2 and of the peak
     approximations : that the run has
     exact : number of what approximates nothing
     benchmarks : rows that came with the package
@@ -211,7 +214,7 @@ def solution_section(subject: ValidationSubject) -> PageSection:
         parts.append(Text(f"Not stated: the error of the {' and of the '.join(lacking)}. To state it:"))
         parts.append(Code("\n".join(subject.command(REMEDIES[part]) for part in lacking)))
     parts += [Text(sentence) for sentence in run.statements.values()]
-    if not subject.errors.get("verification") and attrs["model_order"] == "reduced":
+    if "verification" not in run.statements and attrs["model_order"] == "reduced":
         parts.append(Text("Not compared with the full mesh. The command that does:"))
         parts.append(Code(subject.command("romdam verify {config} --out DIR")))
     if not_included := str(attrs.get("error_not_included", "")):
@@ -228,10 +231,15 @@ def _errors_table(subject: ValidationSubject) -> PageTable:
             subject.errors.get(kind, {}).items(), key=lambda one: one[0] != "opening"
         ):
             rows.append([name, quantity.replace("_", " "), *map(_percent, errors)])
-    steps = [subject.run.dataset.attrs.get(f"solver_estimated_time_error{end}") for end in ("", "_peaks")]
-    if steps[0] is not None:
-        shown = (_percent(float("nan") if value is None else float(str(value))) for value in steps)
-        rows.append(["steps", "opening", *shown])
+    attrs, start = subject.run.dataset.attrs, "solver_estimated_time_error"
+    for quantity, *ends in (
+        ("opening", "", "_peaks"),
+        ("slip", "_slips"),
+        ("residual slip", "_residual_slips"),
+    ):
+        stated = [float(str(attrs.get(f"{start}{end}", "nan"))) for end in (*ends, "_none")[:2]]
+        if not np.isnan(stated[0]):
+            rows.append(["steps", quantity, *map(_percent, stated)])
     total, unknown = total_error(subject.run.errors)
     if rows:
         name = "all that are stated, at most" if unknown else "all, at most"
