@@ -22,9 +22,10 @@ from romdam.config.other_mesh import (
 from romdam.config.sections.transient import MESH_SHARE
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.error.discretisation import OVER_COARSER_QUADRATIC, MeshRun, SiblingRun, discretisation
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
 from romdam.pipelines.error.sibling import MANY_MORE
 from romdam.pipelines.simulation import RunModel
+from romdam.postprocess.stated_errors import percent
 from romdam.results.case import Case
 from romdam.timestepping.prepared import Progress
 

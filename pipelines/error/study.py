@@ -30,7 +30,6 @@ from romdam.core.threads import cpu_time, one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import Openings, compare_openings, read_reference
 from romdam.error.discretisation import OVER_COARSER
-from romdam.error.statement import percent
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
@@ -39,6 +38,7 @@ from romdam.pipelines.moving_supports import refuse_drifting, scene_of
 from romdam.pipelines.run import Clock, Stage, choose_mesh_and_modes, silent
 from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for, simulate_motion, source_step
 from romdam.pipelines.sizes import refuse_lengths
+from romdam.postprocess.stated_errors import percent
 from romdam.records.record_set import load_motions
 from romdam.reduction.mode_choice import ALL_MODES, ModeChoice, mode_choice
 from romdam.reduction.synthesis import reduce_scene

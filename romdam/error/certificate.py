@@ -22,7 +22,8 @@ from romdam.error.metrics import (
 )
 from romdam.error.replay import Defect, Forces, Replayed, replay_start, step_factor
 from romdam.error.sampled import Quantities
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
+from romdam.postprocess.stated_errors import percent
 from romdam.results.stored_run import StoredRun
 
 REPLAY_STEP = (

@@ -51,8 +51,9 @@ from romdam.error.metrics import (
     opening_peaks,
     scaled,
 )
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
 from romdam.geometry.elements import ELEMENTS
+from romdam.postprocess.stated_errors import percent
 from romdam.postprocess.stress.summary import StressSummary
 
 OVER_FINER, OVER_COARSER = 1.5, 0.5  # error over the difference to the sibling

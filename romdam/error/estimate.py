@@ -24,7 +24,8 @@ from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
 from romdam.core.system import SLIP, STICK, GapLaw, History, System
 from romdam.error.metrics import FLOOR, from_rest, opening_error, peak_bound
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
+from romdam.postprocess.stated_errors import percent
 from romdam.timestepping.prepared import Prepared
 from romdam.timestepping.settings import Settings, Start
 from romdam.timestepping.simulate import simulate_one

@@ -23,7 +23,8 @@ from romdam.core.system import History
 from romdam.error.estimate import WINDOW, start_at
 from romdam.error.metrics import RelativeError, magnitude_error, opening_error, relative_l2
 from romdam.error.replay import Forces, Replayed, corrected_run, measure_defect
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
+from romdam.postprocess.stated_errors import percent
 from romdam.results.stored_run import StoredRun
 from romdam.timestepping.prepared import Prepared, Progress
 from romdam.timestepping.settings import Settings, Start

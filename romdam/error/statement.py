@@ -29,7 +29,7 @@ from romdam.core.sealed import changing, reading, text_of
 from romdam.core.version import SOURCE
 from romdam.error.metrics import FLOOR, RelativeError
 from romdam.postprocess.checks import MISSED, verdict
-from romdam.postprocess.stated_errors import total_error
+from romdam.postprocess.stated_errors import percent, total_error
 
 if TYPE_CHECKING:  # workers write no file
     import xarray as xr
@@ -110,11 +110,6 @@ def unknown_estimate(why: str) -> ErrorStatement:
         "where they can."
     )
     return ErrorStatement("estimate", sentence, {})
-
-
-def percent(value: float) -> str:
-    """An error as text."""
-    return f"{100.0 * value:.2g} %"
 
 
 def sentences(attributes: Mapping[str, object]) -> dict[Kind, str]:

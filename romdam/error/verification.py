@@ -11,7 +11,8 @@ from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.error.comparison import Comparison, Openings, compare_openings
 from romdam.error.metrics import largest_difference
-from romdam.error.statement import ErrorStatement, percent
+from romdam.error.statement import ErrorStatement
+from romdam.postprocess.stated_errors import percent
 
 REFINEMENT = 4  # the full order steps at the reduced model's finest step / 4, where its own error is about
 # 0.3 of the reduced model's,

@@ -7,6 +7,11 @@ from collections.abc import Mapping
 PARTS = ("mesh", "modes", "steps")
 
 
+def percent(value: float) -> str:
+    """An error as text, of two digits."""
+    return f"{float(f'{100.0 * value:.2g}'):.6g} %"
+
+
 def total_error(errors: Mapping[str, float]) -> tuple[float, list[str]]:
     """Sum of the stated errors in L2, which bounds their total, and the parts that nobody states.
 
@@ -23,4 +28,4 @@ def total_text(errors: Mapping[str, float]) -> str:
         return "unknown"
     total, unknown = total_error(errors)
     more = f", {' and '.join(unknown)} unknown" if unknown else ""
-    return f"{100.0 * total:.2g} %{more}"
+    return f"{percent(total)}{more}"

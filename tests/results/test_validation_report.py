@@ -18,6 +18,7 @@ from romdam.error.applicable import applies
 from romdam.error.approximations import APPROXIMATIONS, Approximation, not_included
 from romdam.error.statement import opening_errors, quantity_errors, sentences
 from romdam.pipelines.validation import _applied, _approximations, mesh_parts
+from romdam.postprocess.stated_errors import percent, total_text
 from romdam.results.companions import Companions, companions_of
 from romdam.results.dataset import write_dataset
 from romdam.visual.report.one_run import RunSubject
@@ -147,6 +148,21 @@ def test_a_result_without_estimates_names_the_commands_that_state_them(result, j
     assert facts_of(only_modes)["stated error of the openings, L2, at most"][0] == (
         "0.6 %, mesh and steps unknown"
     )
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.1, "110 %"),
+        (0.999, "100 %"),
+        (12.34, "1200 %"),
+        (0.016, "1.6 %"),
+        (4.2e-4, "0.042 %"),
+        (1e-7, "1e-05 %"),
+    ],
+)
+def test_errors_beyond_a_hundred_per_cent_have_no_exponent(value, text):
+    assert percent(value) == text and total_text({"mesh": value}) == f"{text}, modes and steps unknown"
 
 
 def test_the_ledger_of_the_end_is_in_shares_of_the_largest(result, job):
