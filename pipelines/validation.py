@@ -7,15 +7,20 @@ from collections.abc import Mapping, Sequence
 from math import nan
 from pathlib import Path
 
+from romdam.config.effects import refuse_unknown_effects
+from romdam.config.load import Job
 from romdam.core.benchmark_row import BenchmarkRow
 from romdam.core.display_units import SI, US, DisplayUnits
+from romdam.core.errors import ConfigError
 from romdam.error.applicable import applies
 from romdam.error.approximations import APPROXIMATIONS, Approximation
 from romdam.error.statement import quantity_errors
+from romdam.pipelines.error.study import refuse_study
 from romdam.pipelines.report import report_command, run_subject, write_report
 from romdam.pipelines.run import Clock, Stage, silent
 from romdam.postprocess.record_measures import stated_warnings
 from romdam.results.companions import companions_of
+from romdam.timestepping.integrators.registry import integrator_class
 from romdam.visual.report.document import A4, LETTER
 from romdam.visual.report.one_run import RunSubject
 from romdam.visual.report.validation import AppliedApproximation, How, ValidationSubject, validation_report
@@ -59,8 +64,7 @@ def validate_run(
         errors = {str(kind): of_kind for kind, of_kind in quantity_errors(attrs).items()} | mesh_parts(attrs)
         subject = ValidationSubject(
             run,
-            Path(str(attrs["configuration_file"])).name,
-            path.name,
+            next_commands(run, path.name),
             errors,
             *_approximations(run),
             benchmarks,
@@ -68,6 +72,53 @@ def validate_run(
         )
         name = path.with_name(f"{path.stem}-validation")
         return write_report(validation_report(subject), name, LETTER if system is US else A4, pdf=pdf)
+
+
+def next_commands(run: RunSubject, result: str) -> dict[str, str]:
+    """The commands that state what a result may lack, as far as they serve its job.
+
+    Parameters
+    ----------
+    result : name of its file
+    """
+    config, attrs = run.config, run.dataset.attrs
+    name = Path(str(attrs["configuration_file"])).name
+    commands = {
+        "measured": f"romdam modes {name} --measured test.csv --out DIR",
+        "recorded": f"romdam compare recorded.csv {result} --out DIR",
+    }
+    if not config.every_joint:
+        return commands
+    commands["mesh"] = f"romdam verify {name} --mesh finer --out DIR"
+    if config.model.order == "full":
+        step = 0.5e3 * float(attrs["solver_finest_step"])
+        commands["steps"] = (
+            f"romdam run HALF.yaml --out DIR   # {name} with finest_step: {step:g} ms\n"
+            f"romdam compare {result} DIR/{result}"
+        )
+        return commands
+    commands |= {
+        "full mesh": f"romdam verify {name} --out DIR",
+        "modes": f"romdam {f'certify {result}' if _can_be_certified(run) else f'verify {name} --out DIR'}",
+        "steps": f"romdam run STATED.yaml --out DIR   # {name} with transient: {{accuracy: 1 %}}",
+    }
+    try:
+        refuse_study(Job(config, Path(name)))
+    except ConfigError:
+        return commands
+    return commands | {"study": f"romdam study {name} --out DIR"}
+
+
+def _can_be_certified(run: RunSubject) -> bool:
+    """Tell whether `romdam certify` takes a run: it reads the record again, and adds jumps to the run."""
+    config, integrator = run.config, run.config.transient.integrator
+    try:
+        refuse_unknown_effects(config, "certificate", "")
+    except ConfigError:
+        return False
+    from_file = bool(json.loads(str(run.dataset.attrs["configuration"])).get("records"))
+    at_rest = isinstance(config.loads.initial_state, str)
+    return from_file and at_rest and (integrator is None or integrator_class(integrator).shifts)
 
 
 def mesh_parts(attrs: Mapping[str, object]) -> dict[str, dict[str, tuple[float, float]]]:

@@ -1,6 +1,8 @@
 """The validation report: numbers by hand, what is not stated with its command, files beside the result."""
 
+import html
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +13,17 @@ from test_cli import call, config  # noqa: F401
 
 from romdam.benchmarks.catalogue import CASES
 from romdam.benchmarks.table import shipped_rows
-from romdam.config.load import load_config
+from romdam.config.load import load_config, parse_config
 from romdam.core.benchmark_row import BenchmarkRow
 from romdam.core.display_units import SI
 from romdam.error.applicable import applies
 from romdam.error.approximations import APPROXIMATIONS, Approximation, not_included
 from romdam.error.statement import opening_errors, quantity_errors, sentences
-from romdam.pipelines.validation import _applied, _approximations, mesh_parts
+from romdam.pipelines.validation import _applied, _approximations, mesh_parts, next_commands
 from romdam.postprocess.stated_errors import percent, total_text
 from romdam.results.companions import Companions, companions_of
 from romdam.results.dataset import write_dataset
+from romdam.timestepping.integrators.registry import integrator_class
 from romdam.visual.report.one_run import RunSubject
 from romdam.visual.report.page import page
 from romdam.visual.report.parts import Code, PageTable, Text
@@ -37,6 +40,7 @@ STATED = {  # [1]; the certificate counts for the modes, as it is nearer than th
     "error_estimate_opening_l2": 0.006, "error_estimate_opening_peak": 0.0033,
     "solver_estimated_time_error": 0.005, "solver_estimated_time_error_peaks": 0.0012,
 }  # fmt: skip
+NAME = "two_cantilevers.yaml"  # of the fixture's configuration
 ATTRIBUTES = ("discretisation", "certificate", "error_estimate", "verification", "error_statement")
 
 
@@ -44,8 +48,8 @@ def subject_of(dataset, job, benchmarks=(), companions=None):
     attrs = dataset.attrs
     run = RunSubject(dataset, job.config, opening_errors(attrs), sentences(attrs), SI)
     return ValidationSubject(
-        run, "dam.yaml", "quake.nc", quantity_errors(attrs) | mesh_parts(attrs), *_approximations(run),
-        benchmarks, companions or Companions(),
+        run, next_commands(run, "quake.nc"), quantity_errors(attrs) | mesh_parts(attrs),
+        *_approximations(run), benchmarks, companions or Companions(),
     )  # fmt: skip
 
 
@@ -99,7 +103,7 @@ def test_errors_stand_by_statement_and_quantity_and_add_up(result, job):
     assert facts_of(report)["stated error of the openings, L2, at most"] == ("3.9 %", False)
     commands = "\n".join(part.text for part in parts_of(report, Code, "solution"))
     assert "certify" not in commands and "--mesh finer" not in commands
-    assert "romdam verify dam.yaml --out DIR" in commands and "romdam study dam.yaml" in commands
+    assert commands.splitlines() == [f"romdam verify {NAME} --out DIR", f"romdam study {NAME} --out DIR"]
     of_modes = {row[0]: row for row in rows_of(report, "Approximations that stated errors include")}
     assert of_modes["modes that are left out"][2:] == ["estimate, certificate, verification", "0.4"]
     assert of_modes["size of the elements"][2:] == ["discretisation", "3"]
@@ -135,9 +139,9 @@ def test_a_result_without_estimates_names_the_commands_that_state_them(result, j
     assert not any(t.caption.startswith("Stated errors") for t in parts_of(report, PageTable))
     commands = parts_of(report, Code, "solution")[0].text.splitlines()
     assert commands == [
-        "romdam verify dam.yaml --mesh finer --out DIR",
+        f"romdam verify {NAME} --mesh finer --out DIR",
         "romdam certify quake.nc",
-        "transient: {accuracy: 1 %} in dam.yaml, then romdam run dam.yaml --out DIR",
+        f"romdam run STATED.yaml --out DIR   # {NAME} with transient: {{accuracy: 1 %}}",
     ]
     said = [part.text for part in parts_of(report, Text, "solution")]
     assert "Not stated: the error of the mesh and of the modes and of the steps. To state it:" in said
@@ -163,6 +167,87 @@ def test_a_result_without_estimates_names_the_commands_that_state_them(result, j
 )
 def test_errors_beyond_a_hundred_per_cent_have_no_exponent(value, text):
     assert percent(value) == text and total_text({"mesh": value}) == f"{text}, modes and steps unknown"
+
+
+def run_of(config, folder, change):  # noqa: F811
+    """Result of the small job with other keys, and the commands that its validation report names."""
+    keys = yaml.safe_load(config.read_text())
+    change(keys)
+    config.write_text(yaml.safe_dump(keys))
+    assert call("run", config, "--out", folder, "--quiet")[0] == 0
+    assert call("report", folder / "pulse.nc", "--validation", "--quiet")[0] == 0
+    written = (folder / "pulse-validation.html").read_text(encoding="utf-8")
+    text = html.unescape(written.partition('id="reproduce"')[0])
+    named = [
+        line for line in text.splitlines() if re.match(r"(<pre.*>)?romdam (verify|certify|study|run)", line)
+    ]
+    return [re.sub("<[^>]+>", "", line) for line in named], text
+
+
+def without_estimates(keys):
+    keys["outputs"] |= {"error_estimate": False, "mesh_error": False}
+
+
+def test_commands_that_the_report_names_do_what_it_says(config, tmp_path):  # noqa: F811
+    named, _ = run_of(config, tmp_path / "r", without_estimates)
+    result = tmp_path / "r" / "pulse.nc"
+    assert [name.split()[1] for name in named] == ["verify", "certify", "run", "verify", "study", "run"]
+    with xr.open_dataset(result) as dataset:
+        assert not opening_errors(dataset.attrs)
+    for command in (named[0], named[1]):
+        words = [
+            {"small.yaml": config, "pulse.nc": result, "DIR": tmp_path / "r"}.get(w, w)
+            for w in command.split()[1:]
+        ]
+        code, _, err = call(*words)
+        assert code == 0, err
+    with xr.open_dataset(result) as dataset:
+        assert {"mesh", "modes"} <= set(opening_errors(dataset.attrs))
+    config.write_text(config.read_text().replace("finest_step: 2 ms", "accuracy: 1 %"))
+    assert call("run", config, "--out", tmp_path / "stated", "--quiet")[0] == 0
+    with xr.open_dataset(tmp_path / "stated" / "pulse.nc") as dataset:
+        assert "steps" in opening_errors(dataset.attrs)
+
+
+def test_a_run_of_full_order_names_what_halves_its_step(config, tmp_path):  # noqa: F811
+    def full(keys):
+        without_estimates(keys)
+        keys["model"] = {"order": "full"}
+
+    named, text = run_of(config, tmp_path / "r", full)
+    assert [name.split()[1] for name in named] == ["verify", "run", "run"] and "--mesh finer" in named[0]
+    assert "small.yaml with finest_step: 1 ms" in named[1]  # half of 2 ms
+    assert "romdam compare pulse.nc DIR/pulse.nc" in text
+    config.write_text(config.read_text().replace("finest_step: 2 ms", "finest_step: 1 ms"))
+    assert call("run", config, "--out", tmp_path / "half", "--quiet")[0] == 0
+    assert call("compare", tmp_path / "r" / "pulse.nc", tmp_path / "half" / "pulse.nc")[0] == 0
+
+
+def test_a_job_without_joints_names_no_command_that_would_be_refused(config, tmp_path):  # noqa: F811
+    def tied(keys):
+        del keys["joints"]
+        keys["ties"] = {"one": {"between": ["left", "right"]}}
+
+    named, text = run_of(config, tmp_path / "r", tied)
+    assert [name.split()[1] for name in named] == ["run"]  # a suite
+    assert "this job has none" in text and "romdam modes" in text
+    assert call("verify", config, "--out", tmp_path / "r")[0] == 2
+
+
+def test_a_study_is_named_only_where_modes_are_apart(result, job):
+    run = RunSubject(result.dataset, job.config, {}, {}, SI)
+    assert next_commands(run, "quake.nc")["study"] == f"romdam study {NAME} --out DIR"
+    water = {"level": 40.0, "faces": [{"block": "left", "face": "ymin"}], "model": "compressible"}
+    keys = job.to_dict() | {"water": water}
+    coupled = replace(run, config=parse_config(keys, "job", folder=job.folder, si=True))
+    commands = next_commands(coupled, "quake.nc")
+    assert "study" not in commands and commands["modes"] == "romdam certify quake.nc"
+    keys = job.to_dict() | {"transient": {"finest_step": 0.002, "integrator": "generalized_alpha"}}
+    other = replace(run, config=parse_config(keys, "job", folder=job.folder, si=True))
+    shifts = integrator_class("generalized_alpha").shifts
+    assert next_commands(other, "quake.nc")["modes"] == (
+        "romdam certify quake.nc" if shifts else f"romdam verify {NAME} --out DIR"
+    )
 
 
 def test_the_ledger_of_the_end_is_in_shares_of_the_largest(result, job):

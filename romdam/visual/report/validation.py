@@ -45,11 +45,6 @@ from romdam.visual.report.statistics import responses_section
 from romdam.visual.report.subject import Subject, Topic
 
 SOURCE = "Salamon, Hariri-Ardebili, Frontiers in Built Environment 10 (2024) 1452415"
-REMEDIES = {  # of what is not stated, with the configuration's and the result's name
-    "mesh": "romdam verify {config} --mesh finer --out DIR",
-    "modes": "romdam certify {result}",
-    "steps": "transient: {{accuracy: 1 %}} in {config}, then romdam run {config} --out DIR",
-}
 _STATEMENTS = {
     "discretisation": "mesh and contact points",
     **{
@@ -71,6 +66,10 @@ _ENERGY = (  # of the end of the run: term, name
     ("residual", "not accounted for"),
 )
 How = Literal["stated", "not included", "not stated", "said", "bounded"]
+_LINEAR = (
+    "Statements of error are of joints, and this job has none. Compare natural frequencies (romdam modes) "
+    "and results (romdam compare) with those of a finer mesh, of more modes and of half the step."
+)
 _SIGNS = 4  # digits of a number of the benchmark set
 _ROUND_OFF = 5e-6  # relative difference that is shown as none
 
@@ -101,7 +100,8 @@ class ValidationSubject:
     Attributes
     ----------
     run : the run, and how numbers are shown
-    config_name, result_name : files, for commands
+    commands : "mesh", "modes", "steps", "full mesh", "study", "measured", "recorded" -> command that states
+        it; what no command states for this job is left out
     errors : statement, or a part of the mesh's -> quantity -> relative error in L2 and of the peak
     approximations : that the run has
     exact : number of what approximates nothing
@@ -110,17 +110,12 @@ class ValidationSubject:
     """
 
     run: RunSubject
-    config_name: str
-    result_name: str
+    commands: Mapping[str, str]
     errors: Mapping[str, Mapping[str, tuple[float, float]]]
     approximations: Sequence[AppliedApproximation]
     exact: int
     benchmarks: Sequence[BenchmarkRow]
     companions: Companions = field(default_factory=Companions)
-
-    def command(self, template: str) -> str:
-        """A command with the names of this run's files."""
-        return template.format(config=self.config_name, result=self.result_name)
 
 
 def validation_report(subject: ValidationSubject) -> Report:
@@ -211,12 +206,15 @@ def solution_section(subject: ValidationSubject) -> PageSection:
     parts: list[Part] = [_errors_table(subject)]
     lacking = [part for part in PARTS if part not in run.errors]
     if lacking:
-        parts.append(Text(f"Not stated: the error of the {' and of the '.join(lacking)}. To state it:"))
-        parts.append(Code("\n".join(subject.command(REMEDIES[part]) for part in lacking)))
+        known = [subject.commands[part] for part in lacking if part in subject.commands]
+        text = f"Not stated: the error of the {' and of the '.join(lacking)}."
+        parts += (
+            [Text(f"{text} To state it:"), Code("\n".join(known))] if known else [Text(f"{text} {_LINEAR}")]
+        )
     parts += [Text(sentence) for sentence in run.statements.values()]
-    if "verification" not in run.statements and attrs["model_order"] == "reduced":
+    if "verification" not in run.statements and "full mesh" in subject.commands:
         parts.append(Text("Not compared with the full mesh. The command that does:"))
-        parts.append(Code(subject.command("romdam verify {config} --out DIR")))
+        parts.append(Code(subject.commands["full mesh"]))
     if not_included := str(attrs.get("error_not_included", "")):
         parts.append(Text(not_included))
     parts += [_checks_table(subject), _ledger_table(subject), *_balance(subject), *_study(subject)]
@@ -286,10 +284,9 @@ def _study(subject: ValidationSubject) -> Iterator[Part]:
     """Cost and error of other meshes, modes and steps, where a study stands beside the result."""
     study = subject.companions.study
     if study is None:
-        yield Text(
-            "No study of meshes, modes and steps stands beside the result. The command that makes one:"
-        )
-        yield Code(subject.command("romdam study {config} --out DIR"))
+        if "study" in subject.commands:
+            yield Text("No study of meshes, modes and steps stands beside the result. The command for one:")
+            yield Code(subject.commands["study"])
         return
     rows = list[list[Value]]()
     for k in range(study.sizes["case"]):
@@ -347,7 +344,7 @@ def measurements_section(subject: ValidationSubject) -> PageSection:
     ]
     if not subject.companions.modes:
         parts.append(Text("No measured frequencies of this dam stand beside the result. To compare them:"))
-        parts.append(Code(subject.command("romdam modes {config} --measured test.csv --out DIR")))
+        parts.append(Code(subject.commands["measured"]))
     for name, modes in subject.companions.modes.items():
         parts.append(_measured_table(name, modes))
     parts.append(
@@ -356,7 +353,7 @@ def measurements_section(subject: ValidationSubject) -> PageSection:
             "computed histories beside the recorded ones by:"
         )
     )
-    parts.append(Code(subject.command("romdam compare recorded.csv {result} --out DIR")))
+    parts.append(Code(subject.commands["recorded"]))
     return PageSection("measurements", "5 Validation against measurements", parts)
 
 
