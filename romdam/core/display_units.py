@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from romdam.core.round_off import NOTHING
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -35,6 +37,19 @@ def unit_text(units: str) -> str:
             )
     text = " ".join(above) or ("1" if below else "")
     return f"{text}/{' '.join(below)}" if below else text
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, as plain text; a dash where there is none."""
+    if np.isnan(value):
+        return "–"
+    if np.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
+    rounded = float(f"{value:.{digits - 1}e}")
+    return np.format_float_positional(rounded, trim="-").replace("-", "−")
 
 
 @dataclass(frozen=True)

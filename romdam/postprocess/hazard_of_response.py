@@ -146,7 +146,7 @@ def hazard_rows(summary: xr.Dataset, factor: float) -> list[tuple[str, str, str,
         cells = ("-", "-", "-", "-")
         if np.isfinite(frequency):
             outside = 100.0 * float(summary.annual_frequency_outside_table[k])
-            years = f"{1.0 / frequency:.3g}" if frequency > 0.0 else "-"
+            years = f"{float(f'{1.0 / frequency:.3g}'):.0f}" if frequency > 0.0 else "-"
             cells = (f"{frequency:.3g}", _bounds_text(summary, k), years, f"{outside:.2g}")
         rows.append((f"{factor * level:.4g}", *cells, str(summary.hazard_level_statement.values[k])))
     return rows

@@ -41,6 +41,25 @@ def bears(normal: Floats, blocks: Collection[str], rock: Collection[str], up: Fl
     return len(set(blocks) & set(rock)) == 1 or abs(float(normal @ up)) >= _BEARS
 
 
+def bearing_first(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset with its joints in the order of a report: bases and lifts before contraction joints."""
+    first = bearing_joints(dataset)
+    if not first:
+        return dataset
+    return dataset.isel(joint=np.argsort(~np.isin(dataset.joint.values, first), kind="stable"))
+
+
+def bearing_joints(dataset: xr.Dataset) -> list[str]:
+    """Names of the bases and lifts."""
+    names = list(map(str, dataset.joint.values)) if "gap_normal" in dataset.variables else []
+    rock, up, bearing = rock_of(dataset), upward(dataset), list[str]()
+    for name in names:
+        normal = mean_normal(dataset.isel(gap=dataset.gap_joint.values == name))
+        if bears(normal, list(map(str, dataset.joint_blocks.sel(joint=name).values)), rock, up):
+            bearing.append(name)
+    return bearing
+
+
 def upper_is_J(normal: Floats, blocks: tuple[str, str], rock: Collection[str], up: Floats) -> bool:
     """Tell whether block J is the one that stands on the other.
 

@@ -12,6 +12,7 @@ import xarray as xr
 from romdam.core.arrays import Floats
 from romdam.core.round_off import NOTHING, ROUND_OFF
 from romdam.core.scene import MOST_RING
+from romdam.postprocess.joint_roles import bearing_first
 from romdam.postprocess.stress.faces import HEADLINE, LIMITS, StressLimits, verdict
 
 INSTANT = "one instant"
@@ -175,7 +176,8 @@ class JointPeaks(NamedTuple):
 
 
 def joint_peaks(dataset: xr.Dataset) -> list[JointPeaks]:
-    """Peaks of every joint."""
+    """Peaks of every joint, bases and lifts first."""
+    dataset = bearing_first(dataset)
     value_of = dict[tuple[str, str], float]()
     for row in maxima(dataset):
         value_of[row.quantity.partition(",")[0] + ", mean" * (", mean" in row.quantity), row.where] = (

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from romdam.core.display_units import SI, DisplayUnits
-from romdam.core.round_off import without_round_off
+from romdam.core.round_off import NOTHING, without_round_off
 from romdam.core.system import SLIP
 from romdam.postprocess.sliding import mean_slip
 from romdam.visual.style import (
@@ -23,6 +23,7 @@ from romdam.visual.style import (
     legend_below,
     mark_point,
     new_figure,
+    same_limits,
     scaled,
 )
 
@@ -68,7 +69,7 @@ def component_panels(
 
 def joint_displacements(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Mean displacement of block J relative to block I of every joint since the start, by direction."""
-    if "joint_displacement" not in dataset:
+    if "joint_displacement" not in dataset or not float(abs(dataset.joint_displacement).max()) > NOTHING:
         return None
     figure, axes = component_panels(
         dataset, dataset.joint_displacement, "joint", "relative displacement", system
@@ -77,7 +78,7 @@ def joint_displacements(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figur
 
 
 def joint_slip(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
-    """Slip of the gap that slips most against time, and its range, one panel for each joint that slides.
+    """Slip of the gap that slips most against time, and its range, a panel at one scale for each that slides.
 
     The number is the peak over all steps, whose time is not kept: its dot is at the largest written row.
     """
@@ -101,6 +102,7 @@ def joint_slip(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
         peak = factor * float(dataset.peak_slip.sel(joint=name))
         mark_point(ax, slip, (float(at.time), float(at)), f"{peak:.3g} {unit} near {float(at.time):.2f} s")
         ax.set_ylabel(f"{name}\nslip [{unit}]")
+    same_limits(axes)
     return finish(
         figure, axes, dataset, "Slip: the gap that slips most (line) and range over the joint (band)"
     )
@@ -126,6 +128,8 @@ def sliding_histories(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure 
     slip, _, unit = scaled(mean_slip(dataset), "m", system)
     factors = dataset.sliding_safety_factor
     known = factors.values[np.isfinite(factors.values)]
+    if not known.size and not slip.any():
+        return None
     lowest = float(known.min(initial=1.0))
     highest = float(known.max(initial=1.0))
     top = next((tick for tick in _FACTORS[2:] if tick >= highest), _FACTORS[-1])  # as far as there are any

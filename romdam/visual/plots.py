@@ -20,14 +20,15 @@ from matplotlib.tri import TriAnalyzer, Triangulation
 from romdam.core.display_units import SI, DisplayUnits
 from romdam.core.files import replacing
 from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
+from romdam.postprocess.joint_roles import bearing_first
 from romdam.postprocess.maxima import peak_ground_acceleration, peak_opening_time, written_note
 from romdam.visual.floor_plots import floor_spectra_figure
+from romdam.visual.joint_maps import map_panels, plane_of
 from romdam.visual.joint_plots import (
     component_panels,
     dissipated_energies,
     joint_displacements,
     joint_slip,
-    joints_of_kinds,
     sliding_histories,
 )
 from romdam.visual.stress_plots import stress_damage, stress_histories, stress_sections
@@ -35,12 +36,12 @@ from romdam.visual.style import (
     COLOURS,
     GREY,
     STYLE,
-    axis_name,
     finish,
     fit_panels,
     legend_below,
     mark_point,
     new_figure,
+    same_limits,
     scaled,
 )
 
@@ -48,18 +49,20 @@ Array = np.ndarray
 
 _DPI = 160
 _COMPRESSION = 3  # of zlib: level 6 takes 0.03 s longer for the figures of a run, to make them 10 % smaller
-_BROADEST = 10.4  # inches of all maps of a row
+_BROADEST, _HIGHEST = 7.6, 3.4  # inches: of all maps of a row with their bar of colours; of a map
+_HEADING = 0.45  # inches above all maps
 _AT_REST = 1e-6  # of the largest energy, below which none is said to rest at the start
 _FLAT = 0.08  # inscribed over circumscribed circle of a triangle on the rim, below which it is left out
-_MAPS = 5  # of a row
 _NAMED = 6  # joints that never open, in a title
 _WHOLE = 0.995  # of areas that count as equal: a joint's and its map's
 
 
-def ground_motion(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
+def ground_motion(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Ground acceleration of every shaken component; marked is the peak over all steps."""
     acc = dataset.ground_acceleration
-    shaken = [c for c in acc.component.values if float(abs(acc.sel(component=c)).max()) > 0.0] or ["x"]
+    shaken = [c for c in acc.component.values if float(abs(acc.sel(component=c)).max()) > 0.0]
+    if not shaken:
+        return None
     figure, axes = new_figure(rows=len(shaken), height=1.9)
     (size, unit), peaks = system.suited("m s-2", 1.0), peak_ground_acceleration(dataset)
     for ax, component in zip(axes, shaken, strict=True):
@@ -74,18 +77,20 @@ def ground_motion(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
 
 def top_displacements(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Displacement of the output nodes along the stream, across it and up; a panel for each that moves."""
-    if "displacement" not in dataset:
+    if "displacement" not in dataset or not float(abs(dataset.displacement).max()) > NOTHING:
         return None
     figure, axes = component_panels(dataset, dataset.displacement, "node", "displacement", system)
     return finish(figure, axes, dataset, "Displacement of the output nodes, relative to the base")
 
 
 def joint_opening(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
-    """Largest opening of each joint against time, one panel a joint; marked is the peak over all steps.
+    """Largest opening of each joint against time, a panel a joint, all at one scale; marked is the peak.
 
-    An opening that does not move has no mark.
+    An opening that does not move has no mark. Nothing where no gap opens or is pressed together.
     """
     if "opening" not in dataset:
+        return None
+    if not float(abs(dataset.opening).max()) > NOTHING:
         return None
     names = list(dataset.joint.values)
     figure, axes = new_figure(rows=len(names), height=2.1 if len(names) < 4 else 1.4)
@@ -101,8 +106,7 @@ def joint_opening(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | No
         if when is not None:
             mark_point(ax, values, (when, peak), f"{peak:.3g} {unit} at {when:.2f} s")
         ax.set_ylabel(f"{name}\nopening [{unit}]")
-        if not float(abs(values).max()) > ROUND_OFF * float(abs(every).max()):
-            ax.set_ylim(-1.0, 1.0)  # a joint that never opens would be drawn as its round-off
+    same_limits(axes)
     return finish(figure, axes, dataset, "Joint opening: widest gap (line) and range over the joint (band)")
 
 
@@ -115,62 +119,35 @@ def opening_envelope(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure |
     names = [str(name) for name in dataset.joint.values[opens]]
     if not names:
         return None
-    kinds, columns = (
-        joints_of_kinds(names),
-        min(_MAPS, len(names)),
-    )  # those of one kind have like faces: a row
-    rows = [of[k : k + columns] for of in kinds.values() for k in range(0, len(of), columns)]
-    if all(len(of) == 1 for of in kinds.values()):
-        rows = [names[k : k + columns] for k in range(0, len(names), columns)]
-    columns = max(map(len, rows))
-    # each joint's gaps in its own plane: the local axis nearest to vertical up, the other across
+    foot, length = system.foot
     chosen = {name: dataset.gap_joint.values == name for name in names}
-    planes = {name: _plane_axes(dataset.gap_tangent.values[chosen[name]].mean(axis=0)) for name in names}
-    faces, (foot, length) = {}, system.foot
-    for name, (across, up) in planes.items():
-        position = dataset.gap_position.values[chosen[name]] / foot
-        faces[name] = position @ across, position @ up
-    # width over height of the faces, kept between what a figure can show
-    shapes = [float(np.clip(np.ptp(x) / max(np.ptp(y), 1e-9), 0.25, 4.0)) for x, y in faces.values()]
-    wide = min(4.0 * max(shapes) + 0.8, _BROADEST / columns)
-    narrow = dict(zip(names, shapes, strict=True))
-    heights = [min(4.8, (wide - 0.8) / min(narrow[name] for name in row) + 0.8) for row in rows]
-    figure = Figure(figsize=(columns * wide + 1.2, max(sum(heights) + 0.4, 3.0)), layout="constrained")
-    grid = figure.subplots(len(rows), columns, squeeze=False, height_ratios=heights)
-    of_name = {
-        name: ax
-        for row, row_axes in zip(rows, grid, strict=True)
-        for name, ax in zip(row, row_axes, strict=False)
-    }
-    for ax in {*grid.ravel()} - {*of_name.values()}:
-        ax.set_visible(False)
+    planes = {name: plane_of(dataset.gap_position.values[gaps] / foot) for name, gaps in chosen.items()}
     peaks, _, unit = scaled(dataset.gap_peak_opening, "m", system)
-    peaks = peaks[np.isin(dataset.gap_joint.values, names)]
-    joints = dataset.gap_joint.values[np.isin(dataset.gap_joint.values, names)]
-    norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
-    for name, ax in of_name.items():
-        (x, y), (across, up), values = faces[name], planes[name], peaks.values[joints == name]
+    of_names = peaks.values[np.isin(dataset.gap_joint.values, names)]
+    norm = Normalize(min(0.0, float(of_names.min())), float(of_names.max()))
+    titles = {name: f"{name}\n{float(peaks.values[gaps].max()):.3g} {unit}" for name, gaps in chosen.items()}
+    figure, axes = map_panels(
+        planes, titles, (norm, f"largest opening [{unit}]"),
+        unit=length, width=_BROADEST, highest=_HIGHEST, above=_HEADING,
+    )  # fmt: skip
+    for name, ax in axes.items():
+        x, y, values = planes[name].across, planes[name].up, peaks.values[chosen[name]]
         if np.ptp(x) > 0.0 and np.ptp(y) > 0.0:
             mesh = within_outline(x, y, float(dataset.gap_area.values[chosen[name]].sum()) / foot**2)
             ax.tripcolor(mesh, values, norm=norm, cmap="viridis", shading="gouraud")
             ax.scatter(x, y, s=2, color="white", lw=0)
         else:  # gaps in a row have no face
-            ax.scatter(x, y, c=values, s=24, norm=norm, cmap="viridis", lw=0)
-        ax.grid(visible=False)
-        ax.set_aspect("equal")
-        ax.set_xlabel(f"{axis_name(across, 'across')} [{length}]")
-        ax.set_ylabel(f"{axis_name(up, 'up')} [{length}]")
-        ax.set_title(f"{name}: {float(values.max()):.3g} {unit}", fontsize=8)
-    bar = mpl.cm.ScalarMappable(norm, "viridis")
-    figure.colorbar(bar, ax=list(grid.ravel()), label=f"largest opening [{unit}]", shrink=0.85)
+            ax.scatter(x, y, c=values, s=24, norm=norm, cmap="viridis", lw=0, clip_on=False)
     shut = [str(name) for name in dataset.joint.values[~opens]]
     closed = f"; never open: {', '.join(shut[:_NAMED])}" if shut else ""
     closed += f" and {len(shut) - _NAMED} more" if len(shut) > _NAMED else ""
-    figure.suptitle(f"Opening envelope{closed}\n{dataset.attrs['record']}", fontsize=9, x=0.02, ha="left")
+    wide, high = figure.get_size_inches()
+    heading = f"Opening envelope{closed}\n{dataset.attrs['record']}"
+    figure.suptitle(heading, fontsize=9, x=0.1 / wide, y=1.0 - 0.06 / high, ha="left", va="top")
     return figure
 
 
-def energy_ledger(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
+def energy_ledger(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure | None:
     """Draw where the energy is: stacked parts against input and what rested at the start, and the imbalance.
 
     What the time stepping takes is one part: of its two terms only the sum is never negative. A dam with
@@ -181,6 +158,8 @@ def energy_ledger(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure:
     if "energy_numerical" in dataset:
         values["contact"] = values["contact"] + dataset.energy_numerical.values
     nonzero = [p for p in parts if values[p].any()]
+    if not nonzero:
+        return None
     at_rest = float(sum(row[0] for row in values.values())) - float(dataset.energy_input[0])
     figure, axes = new_figure(rows=2, height=2.6, ratios=(3, 1))
     supplied, factor, unit = scaled(dataset.energy_input + at_rest, "J", system)
@@ -233,7 +212,7 @@ def write_plots(dataset: xr.Dataset, folder: Path, stem: str) -> list[Path]:
     ResultError
         where the folder or the disk refuses it.
     """
-    paths = []
+    paths, dataset = [], bearing_first(dataset)
     for name, draw in FIGURES.items():
         with mpl.rc_context(STYLE):
             figure = draw(dataset, SI)
@@ -307,15 +286,3 @@ def within_outline(x: Array, y: Array, area: float) -> Triangulation:
     mesh.set_mask(gone)
     mesh.set_mask(TriAnalyzer(mesh).get_flat_tri_mask(_FLAT))
     return mesh
-
-
-def _plane_axes(tangents: Array) -> tuple[Array, Array]:
-    """Unit vectors across and up the joint plane from its local axes j and k, (2, 3)."""
-    normal = np.cross(tangents[0], tangents[1])
-    normal /= np.linalg.norm(normal)
-    up = np.array([0.0, 0.0, 1.0]) - normal[2] * normal
-    if np.linalg.norm(up) < 1e-6:
-        up = tangents[1]
-    up = up / np.linalg.norm(up)
-    across = np.cross(up, normal)
-    return (across if across.sum() >= 0.0 else -across), up

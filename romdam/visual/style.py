@@ -78,6 +78,14 @@ def scaled(values: xr.DataArray, units: str, system: DisplayUnits = SI) -> tuple
     return values / size, 1.0 / size, unit
 
 
+def same_limits(axes: Iterable[Axes]) -> None:
+    """Give panels of one quantity the vertical scale of the largest, so that they can be compared."""
+    panels = list(axes)
+    low, high = np.array([ax.get_ylim() for ax in panels]).T
+    for ax in panels:
+        ax.set_ylim(low.min(), high.max())
+
+
 def legend_below(figure: Figure, axes: Iterable[Axes]) -> None:
     """A legend under the panels, where it covers neither titles nor data; each label once."""
     handles_of: dict[str, Any] = {}

@@ -12,10 +12,10 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullFormatter
 
 from romdam.core.arrays import Floats
-from romdam.core.display_units import SI, DisplayUnits, unit_text
+from romdam.core.display_units import SI, DisplayUnits, number, unit_text
 from romdam.postprocess.responses import intensity_of, response_of
 from romdam.visual.style import COLOURS, GREY, scaled
 
@@ -23,6 +23,11 @@ WIDTH = 4.8  # [in]
 _MOST_LINES = 300
 _PANELS = 4  # scales of a scatter
 _FLAT = 1e-3  # m of height, below which a joint is level
+_SHORT_NAME = 12  # letters of a joint's name that stand above a narrow panel
+_ASIDE = 0.22  # of the distance of two rows of dots
+_FRACTILES = 5  # records, from which on fractiles are between them
+_MOST_TICKS = 6  # of a logarithmic axis
+_STEPS = (1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of its ticks, within a decade
 
 
 def display_unit(
@@ -42,7 +47,8 @@ def spectra_figure(spectra: xr.Dataset) -> Figure:
     psa = spectra.psa.dropna("record", how="all")
     for row in psa.values[:_MOST_LINES]:
         ax.plot(psa.period, row, color=GREY, lw=0.5, alpha=0.6)
-    for share, style, label in ((0.16, ":", "16 %"), (0.5, "-", "median"), (0.84, "--", "84 %")):
+    shares = ((0.16, ":", "16 %"), (0.5, "-", "median"), (0.84, "--", "84 %"))
+    for share, style, label in shares if psa.sizes["record"] >= _FRACTILES else shares[1:2]:
         ax.plot(psa.period, psa.quantile(share, "record"), color=COLOURS[0], lw=1.5, ls=style, label=label)
     _logarithmic(ax, "x")
     _logarithmic(ax, "y")
@@ -130,9 +136,10 @@ def correlation_figure(correlated: xr.Dataset) -> Figure:
     if not several:
         ax.barh(at, correlated.spearman, color=COLOURS[0], height=0.65)
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, correlated.sizes["scale"]))
+    aside = np.linspace(-_ASIDE, _ASIDE, correlated.sizes["scale"])  # so that no dot lies on another
     for k in range(correlated.sizes["scale"] if several else 0):
         label = _scale_text(correlated.scale, k)
-        ax.plot(correlated.spearman_at_scale[:, k], at, "o", ms=5, color=colours[k], label=label)
+        ax.plot(correlated.spearman_at_scale[:, k], at + aside[k], "o", ms=4, color=colours[k], label=label)
     ax.set_yticks(at, [str(name) for name in correlated.measure.values])
     ax.invert_yaxis()
     ax.axvline(0.0, color="black", lw=0.6)
@@ -204,12 +211,18 @@ def sensitivity_figure(strength: xr.Dataset) -> Figure:
 
 
 def hazard_figure(summary: xr.Dataset, factor: float, unit: str) -> Figure:
-    """Annual frequency of exceedance against levels of the response, in a unit."""
+    """Annual frequency of exceedance against levels of the response, in a unit, with its bounds."""
     figure, ax = _panel()
     x, y = factor * summary.hazard_level.values, summary.annual_frequency.values
     there = y > 0.0
     ax.plot(x[there], y[there], "o-", ms=4, color=COLOURS[0])
-    ax.set(xscale="log", yscale="log", xlabel=f"{_name(summary.hazard_level.attrs['response'])} [{unit}]")
+    if "annual_frequency_bounds" in summary:
+        low, high = summary.annual_frequency_bounds.values.T
+        known = there & (low > 0.0) & np.isfinite(high)
+        ax.fill_between(x[known], low[known], high[known], color=COLOURS[0], alpha=0.15, lw=0)
+    _logarithmic(ax, "x")
+    _logarithmic(ax, "y")
+    ax.set_xlabel(f"{_name(summary.hazard_level.attrs['response'])} [{unit}]")
     ax.set_ylabel("annual frequency of exceedance")
     return figure
 
@@ -234,13 +247,16 @@ def sobol_figure(indices: xr.Dataset) -> Figure:
 
 
 def height_figure(envelopes: xr.Dataset) -> Figure | None:
-    """Openings over height, a panel a joint that has any: medians at every scale, the largest of all runs."""
+    """Openings over height, a panel a joint that has any: medians at every scale, the largest of all runs.
+
+    Nothing where no joint opens.
+    """
     height = {str(name): envelopes.gap_position.values[envelopes.gap_joint.values == name, 2]
               for name in envelopes.joint.values}  # fmt: skip
     names = [name for name, z in height.items() if np.ptp(z) > _FLAT]
-    if not names:
+    if not names or not float(envelopes.opening.max()) > 0.0:
         return None
-    columns = min(4, len(names))
+    columns = min(4 if max(map(len, names)) <= _SHORT_NAME else 3, len(names))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(WIDTH, 3.4 * rows if rows < 3 else 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
@@ -268,7 +284,7 @@ def height_figure(envelopes: xr.Dataset) -> Figure | None:
             ax.plot(curves[1, 0], levels[held], color=COLOURS[1], lw=1.1, label="84 %")
         ax.plot(curves[-1].max(axis=0), levels[held], color="black", lw=1.2, ls="--", label="largest")
         if len(names) > 1:
-            ax.set_title(name)
+            ax.set_title(name, fontsize=8)
     for ax in axes[len(names) :]:
         ax.set_visible(False)
     figure.supxlabel(f"largest opening at a height [{unit}]", fontsize=9)
@@ -321,6 +337,22 @@ def _logarithmic(ax: Axes, which: str) -> None:
     ax.set(**{f"{which}scale": "log"})
     axis = ax.xaxis if which == "x" else ax.yaxis
     low, high = ax.get_xlim() if which == "x" else ax.get_ylim()
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 500.0 * low else (1.0,)))
+    axis.set_major_locator(FixedLocator(logarithmic_ticks(low, high).tolist()))
     axis.set_minor_formatter(NullFormatter())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+
+
+def logarithmic_ticks(low: float, high: float) -> Floats:
+    """Round numbers between the ends of a logarithmic axis: as many as have room, three at least."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1.0)
+    choices = [decades[::2], *(np.outer(decades, steps).ravel() for steps in _STEPS)]
+    ticks = np.empty(0)
+    for every in choices:  # the finest of them that has room
+        within = every[(every >= low) & (every <= high)]
+        if len(within) > _MOST_TICKS and len(ticks) >= 3:
+            break
+        ticks = within
+    if len(ticks) < 3:  # it spans little
+        even = np.asarray(MaxNLocator(5, steps=[1, 2, 5, 10]).tick_values(low, high))
+        ticks = even[(even >= low) & (even <= high)]
+    return ticks

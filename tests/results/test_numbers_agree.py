@@ -104,19 +104,23 @@ class Tables(HTMLParser):
 
     def __init__(self, text):
         super().__init__()
-        self.rows, self.cell, self.texts = [], None, []
+        self.rows, self.cell, self.texts, self.units = [], None, [], False
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
         if tag == "tr":
             self.rows.append([])
+            self.units = ("class", "units") in attrs
         if tag in ("td", "th"):
             self.cell = ""
 
     def handle_endtag(self, tag):
         if tag in ("td", "th") and self.cell is not None:
-            self.rows[-1].append(self.cell.strip())
+            self.rows[-1].append(" ".join(self.cell.split()))
             self.cell = None
+        if tag == "tr" and self.units:  # a row of its own below the head
+            *self.rows, head, units = self.rows
+            self.rows.append([f"{name} {unit}".strip() for name, unit in zip(head, units, strict=True)])
 
     def handle_data(self, data):
         if self.cell is not None:
@@ -125,15 +129,18 @@ class Tables(HTMLParser):
 
     def table(self, *head):
         """Rows under a head that begins so, by their first cell, and the head."""
+        return next(self.tables(*head), ([], []))
+
+    def tables(self, *head):
+        """The same of every table whose head begins so."""
         for k, row in enumerate(self.rows):
-            if row[: len(head)] == list(head):
+            if [name.partition(" [")[0] for name in row[: len(head)]] == list(head):
                 under = []
                 for cells in self.rows[k + 1 :]:
-                    if len(cells) != len(row):
+                    if len(cells) != len(row) or cells[0] == row[0]:
                         break
                     under.append(cells)
-                return row, under
-        return [], []
+                yield row, under
 
 
 def rows_of_pdf(data):
@@ -212,10 +219,12 @@ def table_of_terminal(text, title):
 
 def check_peaks(dataset, page, stdout, document, record):
     """Peaks of joints: page, terminal and JSON."""
-    head, rows = page.table(
-        "joint", next(h for h in (r[1] for r in page.rows if len(r) > 1) if h.startswith("largest opening"))
-    )
-    assert [row[0] for row in rows] == [str(name) for name in dataset.joint.values]
+    tables = [
+        (head, row) for head, rows in page.tables("joint", "largest opening") for row in rows
+    ]  # of bases, and of the others
+    rows = [row for _, row in tables]
+    names = [str(name) for name in dataset.joint.values]
+    assert [row[0] for row in rows] == sorted(names, key=lambda name: not name.startswith("base"))
     variables = {
         "largest opening": "peak_opening", "compression, mean of an interval": "peak_mean_compressive_stress",
         "compression at one instant": "peak_compressive_stress", "largest slip": "peak_slip",
@@ -233,7 +242,7 @@ def check_peaks(dataset, page, stdout, document, record):
         "peak_compressive_stress": "_Pa",
     }
     compared = 0
-    for row in rows:
+    for head, row in tables:
         of_joint = dataset.sel(joint=row[0])
         for title, cell in zip(head, row, strict=True):
             name = variables.get(title.partition(" [")[0])
@@ -289,7 +298,8 @@ def check_maxima(dataset, page, stdout, table):
 
 def check_sliding(dataset, page, stdout, table, record):
     """Factors, residual slips and verdicts: page, terminal and file; bases first, and the headline."""
-    head, rows = page.table("joint", "block", "verdict")
+    pairs = [(head, row) for head, rows in page.tables("joint", "block", "verdict") for row in rows]
+    rows = [row for _, row in pairs]
     terminal = {r["joint"]: r for r in table_of_terminal(stdout, "Sliding") if r["record"] == record}
     if "sliding_safety_factor" not in dataset:
         assert not rows and not terminal
@@ -298,7 +308,7 @@ def check_sliding(dataset, page, stdout, table, record):
     assert [row["joint"] for row in table] == list(terminal)
     least = np.nanmin(dataset.sliding_safety_factor.values, axis=0)
     factors = dict(zip(map(str, dataset.joint.values), least, strict=True))
-    for row, entry in zip(rows, table, strict=True):
+    for (head, row), entry in zip(pairs, table, strict=True):
         name = row[0]
         agree(row[head.index("least factor of safety")], factors[name], "", f"page, factor of {name}")
         agree(terminal[name]["least factor of safety"], factors[name], "", f"terminal, factor of {name}")
@@ -366,13 +376,14 @@ def check_figures(dataset):
     with mpl.rc_context(STYLE):
         opening = FIGURES["joint_opening"](dataset, si)
         envelope = FIGURES["opening_envelope"](dataset, si)
-    for name, ax in zip(map(str, dataset.joint.values), opening.axes, strict=True):
+    for ax in opening.axes:
+        name = ax.get_ylabel().split("\n")[0]
         for text in ax.texts:
             value, unit, *_ = text.get_text().split()
             agree(value, float(dataset.peak_opening.sel(joint=name)), unit, f"figure, opening of {name}")
     for ax in envelope.axes if envelope is not None else ():
-        if title := ax.get_title():
-            name, _, peak = title.partition(": ")
+        if title := ax.get_title(loc="left"):
+            name, _, peak = title.partition("\n")
             value, unit = peak.split()
             agree(value, float(dataset.peak_opening.sel(joint=name)), unit, f"map of {name}")
 
@@ -403,7 +414,7 @@ def check_page_of_runs(page, dataset, name, mu):
     for words, variable in {
         "peak opening": "peak_opening",
         "peak slip": "peak_slip",
-        "peak displacement": "peak_displacement",
+        "largest displ.": "peak_displacement",
     }.items():
         title = next(title for title in head if title.startswith(f"{words} ["))
         exact = float(dataset[variable].max())
@@ -415,7 +426,7 @@ def check_document(page, lines):
     printed, compared = [[_plain(cell) for cell in line] for line in lines], 0
     for row in page.rows:
         head = next((known for known in HEADS if all(map(str.startswith, row, known))), None)
-        _, under = page.table(*row) if head is not None else ([], [])
+        _, under = page.table(*(name.partition(" [")[0] for name in row)) if head is not None else ([], [])
         for cells in under:
             numbers = [_plain(cell) for cell in cells[1:] if re.fullmatch(r"[−\d.]+( %)?", cell)]
             first = _plain(cells[0])

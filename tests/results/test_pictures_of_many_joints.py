@@ -51,7 +51,7 @@ def test_panels_of_openings_have_one_unit_and_the_envelope_leaves_out_what_never
     opening = FIGURES["joint_opening"](dataset).axes
     assert {ax.get_ylabel().split("[")[1] for ax in opening} == {"mm]"}
     envelope = FIGURES["opening_envelope"](dataset)
-    titles = [ax.get_title() for ax in envelope.axes if ax.get_title()]
+    titles = [ax.get_title(loc="left") for ax in envelope.axes if ax.get_title(loc="left")]
     assert len(titles) == 1 and not titles[0].startswith(str(shut))
     assert f"never open: {shut}" in envelope.get_suptitle()
     dataset.peak_opening[:] = 0.0

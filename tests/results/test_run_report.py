@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from pypdf import PdfReader
 from typer.testing import CliRunner
 
 import romdam
@@ -16,8 +17,11 @@ from romdam.config.stated import stated_keys
 from romdam.core.display_units import SI, US
 from romdam.error.statement import opening_errors, sentences
 from romdam.pipelines.report import report_run
+from romdam.postprocess.joint_roles import bearing_first
+from romdam.visual.plots import FIGURES
 from romdam.visual.report.document import A4, LETTER, _column_widths, set_sheets
 from romdam.visual.report.one_run import RunSubject, _facts, run_report
+from romdam.visual.report.page import page
 from romdam.visual.report.parts import Fact, PageCell, PageSection, PageTable, Report, Text
 
 NIST = {  # SP 811, appendix B.8: what one unit is in SI, to its seven digits
@@ -120,7 +124,75 @@ def test_the_page_and_the_document_are_written_beside_the_result(result):
     opening = float(result.dataset.peak_opening.max()) / 0.0254
     assert f"{opening:.3g} in" in page and "romdam report quake.nc --units us --pdf" in page
     assert {address[:5] for address in re.findall(r'src="([^"]+)', page)} == {"data:"}
-    assert paths[1].read_bytes().startswith(b"%PDF")
+    document = PdfReader(paths[1])
+    titles = re.findall(r"<h2.*?>(.*?)</h2>", page)
+    assert [mark.title for mark in document.outline] == titles and len(titles) > 5
+    for mark in document.outline:  # each leads to the sheet that has its heading
+        text = document.pages[document.get_destination_page_number(mark)].extract_text()
+        assert mark.title in [line.strip() for line in text.splitlines()]
+
+
+def test_the_report_leads_with_bases_and_lifts(result, job):
+    """J1 as it is, upright; J2 turned to lie level: it stands first in facts, sections and figures."""
+    gaps = result.dataset.gap_joint.values == "J2"
+    normal, tangent = result.dataset.gap_normal.values.copy(), result.dataset.gap_tangent.values.copy()
+    normal[gaps], tangent[gaps] = [0.0, 0.0, 1.0], np.eye(3)[:2]
+    dataset = result.dataset.assign_coords(
+        gap_normal=result.dataset.gap_normal.copy(data=normal),
+        gap_tangent=result.dataset.gap_tangent.copy(data=tangent),
+    )
+    report = run_report(subject_of(dataset, job))
+    assert [section.title for section in report.sections[:2]] == ["Bases and lifts", "The dam"]
+    assert report.facts[0].name.endswith("every base and lift")
+    tables = {
+        section.title: [
+            row[0].text for part in section.shown if isinstance(part, PageTable) for row in part.cells
+        ]
+        for section in report.sections
+    }
+    assert {*tables["Bases and lifts"]} == {"J2"} and {*tables["Joints"]} == {"J1"}
+    assert bearing_first(dataset).joint.values.tolist() == ["J2", "J1"]
+    assert run_report(subject_of(result.dataset, job)).sections[0].title == "The dam"
+
+
+def test_figures_without_anything_to_show_are_not_drawn(result):
+    """A run in which nothing moves."""
+    dataset = result.dataset.load()
+    still = {
+        name: values * 0.0
+        for name, values in dataset.data_vars.items()
+        if values.dtype.kind == "f" and not name.startswith("stress")
+    }
+    still["sliding_safety_factor"] = dataset.sliding_safety_factor * np.nan
+    drawn = {name: draw(dataset.assign(still), SI) for name, draw in FIGURES.items()}
+    names = "ground_motion", "top_displacements", "joint_opening", "opening_envelope", "sliding", "energy"
+    assert [name for name in (*names, "joint_displacement", "dissipated_energy") if drawn[name]] == []
+
+
+def test_joints_are_drawn_at_one_scale(result):
+    dataset = result.dataset.load().copy(deep=True)
+    dataset.opening[:, dataset.gap_joint.values == "J1"] *= 0.01
+    limits = {ax.get_ylim() for ax in FIGURES["joint_opening"](dataset, SI).axes}
+    assert len(limits) == 1
+
+
+def test_heads_have_two_lines_at_most_and_units_a_row_of_their_own():
+    head = [
+        "joint",
+        "least factor of safety",
+        "largest of a gap [mm]",
+        "compression at one instant [MPa]",
+        "a [b] c",
+    ]
+    table = PageTable(head, [["J1", 1.5, 2.0, 3.0, 4.0]])
+    assert table.lines == [
+        ["joint"], ["least factor", "of safety"], ["largest", "of a gap"], ["compression", "at one instant"],
+        ["a [b] c"],
+    ]  # fmt: skip
+    assert table.units == ["", "", "[mm]", "[MPa]", ""] and PageTable(["joint"], [["J1"]]).units == []
+    text = page(Report("t", "", [], [PageSection("s", "S", [table])]))
+    rows = re.findall("<tr.*?</tr>", text, re.S)
+    assert len(rows) == 3 and rows[1].count("<td") == 5 and "least factor\nof safety" in rows[0]
 
 
 def unlike(dataset):
@@ -233,7 +305,7 @@ def test_sheets_hold_every_cell_within_their_margins_and_cover_none(paper):
     report = Report(
         "A title " * 20, "about", [Fact("n", "1")], [PageSection("s", "Section", [Text("$a$ 1"), table])]
     )
-    sheets = set_sheets(report, paper)
+    sheets = set_sheets(report, paper).all
     assert len(sheets) > 2
     written = [boxes(sheet) for sheet in sheets]
     for texts in written:

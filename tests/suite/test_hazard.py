@@ -81,7 +81,7 @@ def test_the_report_has_annual_frequencies(tmp_path):
     table.write_text("intensity [g],annual frequency\n0.01,0.5\n0.1,1e-2\n2,1e-5\n")
     call("report", tmp_path / "out", "--threshold", f"{threshold} m", "--hazard", table)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "per year" in page and "outside the hazard" in page and "--hazard" in page
+    assert "per year" in page and "outside" in page and "--hazard" in page
 
 
 CURVE = "intensity [g],annual frequency\n0.01,0.5\n0.1,1e-2\n2,1e-5\n"
@@ -124,7 +124,7 @@ def test_a_suite_states_the_hazard_of_its_response(tmp_path):
     )
     section = hazard_section(Subject(summary, Topic()))
     (table,) = [part for part in section.parts if isinstance(part, PageTable)]
-    assert [row[0] for row in table.rows] == ["2.54", "4", "900"] and table.rows[2][1] == "-"
+    assert [row[0].text for row in table.rows] == ["2.54", "4", "900"] and table.rows[2][1].text == "-"
     assert "hazard" not in (tmp_path / "out" / "summary.csv").read_text().split("\n")[0]
 
 

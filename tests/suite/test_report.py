@@ -27,11 +27,14 @@ from romdam.postprocess.fragility import fragility
 from romdam.records.spectra import pseudo_acceleration
 from romdam.results.dataset import write_dataset
 from romdam.results.suite.report_data import DATA, PERIODS, read_report_data, report_data
-from romdam.visual.report.joint_map import opening_map, outline_of, plane_of
+from romdam.visual.joint_maps import plane_of
+from romdam.visual.report.joint_map import opening_map, outline_of
 from romdam.visual.report.page import page
-from romdam.visual.report.parts import PageCell, PageSection, PageTable, Report, number
+from romdam.visual.report.parts import PageCell, PageSection, PageTable, Pictures, Report, number
+from romdam.visual.report.sections import suite_report
 from romdam.visual.report.statistics import responses_section
 from romdam.visual.report.subject import Subject, Topic
+from romdam.visual.suite_plots import logarithmic_ticks
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\""
 
@@ -187,9 +190,9 @@ def test_compressions_and_energies_say_what_they_are():
     assert names.index(mean) < names.index(instant)
     kinetic = rows[names.index("energy kinetic, at the end")]
     assert kinetic[3:7] == ["0", "0", "0", "5"]
-    heads = re.findall(r"<th.*?>(.*?)</th>", text[text.index('<section id="runs"') :])
-    heads = [re.sub("<.*?>", "", one).strip() for one in heads]
-    assert heads.index(f"{mean} [MPa]") < heads.index(f"{instant} [MPa]")
+    heads = re.findall(r"<th[ >].*?</th>", text[text.index('<section id="runs"') :], re.S)
+    heads = [" ".join(re.sub("<.*?>", "", one).split()) for one in heads]
+    assert heads.index("mean compr.") < heads.index("instant compr.")
 
 
 def test_texts_of_files_stay_texts():
@@ -352,10 +355,64 @@ def test_plane_of_a_joint_keeps_distances():
     rng = np.random.default_rng(4)
     flat = rng.uniform(0.0, 20.0, (30, 2))
     turn = np.radians(35.0)
-    position = np.column_stack([np.cos(turn) * flat[:, 0], np.sin(turn) * flat[:, 0], flat[:, 1]])
-    across, up = plane_of(position)
-    made = np.hypot(across[:, None] - across, up[:, None] - up)
-    np.testing.assert_allclose(made, np.linalg.norm(position[:, None] - position, axis=-1), atol=1e-12)
+    slope = np.radians([[0.0], [40.0]])  # an upright joint, and the base of a cantilever on a bank
+    for tilt in slope[:, 0]:
+        along, rise = np.cos(tilt) * flat[:, 1], np.sin(tilt) * flat[:, 1]
+        position = np.column_stack([
+            np.cos(turn) * flat[:, 0] - np.sin(turn) * rise, np.sin(turn) * flat[:, 0] + np.cos(turn) * rise,
+            along,
+        ])  # fmt: skip
+        plane = plane_of(position)
+        made = np.hypot(plane.across[:, None] - plane.across, plane.up[:, None] - plane.up)
+        np.testing.assert_allclose(made, np.linalg.norm(position[:, None] - position, axis=-1), atol=1e-12)
+        assert np.corrcoef(plane.up, position[:, 2])[0, 1] > 1.0 - 1e-12
+
+
+@pytest.mark.parametrize(
+    ("position", "names"),
+    [
+        ([[0, 0, 5], [30, 0, 5], [0, 70, 5], [30, 70, 5]], ("x", "y")),  # a base in plan
+        ([[0, 0, 5], [30, 0, 5]], ("x", "y")),  # of one row of gaps
+        ([[0, 0, 5], [30, 0, 6], [0, 70, 5], [30, 70, 6]], ("x", "y")),  # nearly level
+        ([[3, 0, 0], [3, 20, 0], [3, 0, 50], [3, 20, 50]], ("y", "z")),
+        ([[3, 0, 0], [3, 0, 50]], ("x", "z")),
+        ([[3, 1, 2]], ("x", "y")),
+    ],
+)
+def test_level_joints_are_shown_in_plan_and_others_upright(position, names):
+    plane = plane_of(np.array(position, dtype=float))
+    assert plane.names == names
+    columns = ["xyz".index(name) for name in names]
+    np.testing.assert_allclose(
+        np.column_stack([plane.across, plane.up]), np.array(position, dtype=float)[:, columns], atol=1e-12
+    )
+
+
+def test_maps_of_joints_have_one_scale_of_length_and_colour():
+    """A base of 15 by 70 m, a contraction joint of 70 by 103 m and a step of 70 by 2 m."""
+    corners = {
+        "base_1": [[0, 0, 0], [15, 0, 0], [0, 70, 0], [15, 70, 0]],
+        "contraction_1_2": [[15, 0, 0], [15, 70, 0], [15, 0, 103], [15, 15, 103]],
+        "step_1_2": [[15, 0, 0], [15, 70, 0], [15, 0, 2], [15, 70, 2]],
+    }
+    position = np.concatenate([*corners.values()]).astype(float)
+    coords = {
+        "gap_joint": ("gap", np.repeat([*corners], 4)), "gap_area": ("gap", np.ones(12)),
+        "gap_position": (("gap", "component"), position), "joint": [*corners],
+    }  # fmt: skip
+    opening = np.broadcast_to(1e-3 * np.arange(12.0), (3, 1, 12))
+    figure = opening_map(xr.Dataset({"opening": (("fractile", "scale", "gap"), opening)}, coords))
+    (wide, high), scales = figure.get_size_inches(), []
+    panels = [ax for ax in figure.axes if ax.get_title(loc="left")]
+    assert [ax.get_title(loc="left") for ax in panels] == [*corners]
+    for ax in panels:
+        place = ax.get_position()
+        scales += [wide * place.width / np.ptp(ax.get_xlim()), high * place.height / np.ptp(ax.get_ylim())]
+        assert (ax.collections[0].norm.vmin, ax.collections[0].norm.vmax) == (0.0, 11.0)
+    np.testing.assert_allclose(scales, scales[0], rtol=1e-12)
+    assert [ax.get_xlabel() + ax.get_ylabel() for ax in panels] == ["x [m]y [m]", "y [m]z [m]", "y [m]z [m]"]
+    shut = xr.Dataset({"opening": (("fractile", "scale", "gap"), 0.0 * opening)}, coords)
+    assert opening_map(shut) is None
 
 
 def test_opening_map_draws_the_gaps_areas_and_nothing_between():
@@ -373,7 +430,7 @@ def test_opening_map_draws_the_gaps_areas_and_nothing_between():
     figure = opening_map(xr.Dataset({"opening": (("fractile", "scale", "gap"), opening)}, coords))
     (discs,) = figure.axes[0].collections
     np.testing.assert_allclose(np.pi / 4 * np.sum(discs.get_widths() * discs.get_heights()), len(y))
-    np.testing.assert_allclose(discs.get_offsets(), np.column_stack([y - y.mean(), z]))
+    np.testing.assert_allclose(discs.get_offsets(), np.column_stack([y, z]))
     assert discs.get_clip_path() is not None
 
 
@@ -405,3 +462,86 @@ def test_the_extreme_of_what_is_negative_throughout_is_its_least():
     )
     extremes = {row[0]: (row[2], row[6]) for row in table.rows}
     assert extremes["stress"] == ("MPa", -3.0) and extremes["peak opening"] == ("mm", 5.0)
+
+
+LETTER, PAD, ROOM = (
+    7.4,
+    9.0,
+    998.0,
+)  # pixels of a letter of 13 px, beside a column, of a table on a page of 1,280
+
+
+@pytest.mark.parametrize("parameters", [2, 9])
+def test_tables_of_runs_fit_a_page_of_1280_pixels(parameters):
+    """Every response that a table has, records with long names, few parameters and many."""
+    summary = suite_summary(records=4, scales=3, samples=6, failed=0)
+    dims, values = summary.peak_opening.dims, summary.peak_opening.values
+    answers = {"peak_slip": "m", "residual_opening": "m", "residual_slip": "m",
+               "peak_mean_compressive_stress": "Pa", "peak_compressive_stress": "Pa"}  # fmt: skip
+    for name, unit in answers.items():
+        summary[name] = (dims, values, {"units": unit, "long_name": name})
+    varied = np.random.default_rng(2).uniform(0.1, 0.9, (parameters, 6))
+    summary = summary.drop_vars("gap").assign_coords(
+        {f"parameter_p{k}": ("sample", row) for k, row in enumerate(varied)}
+    )
+    summary = summary.assign_coords(record=[f"northridge_mulholland_{k}" for k in range(4)])
+    sections = {section.name: section for section in suite_report(Subject(summary, Topic())).sections}
+    tables = [
+        part for name in ("runs", "worst") for part in sections[name].shown if isinstance(part, PageTable)
+    ]
+    assert len(tables) == (2 if parameters == 2 else 3)
+    for table in tables:
+        shown = [
+            [max(map(len, lines)) for lines in table.lines],
+            [*map(len, table.units or [""] * len(table.head))],
+        ]
+        shown += [[len(cell.text) for cell in row] for row in table.cells]
+        letters = np.max(shown, axis=0)
+        letters[0] = min(letters[0], 160.0 / LETTER)  # longer names are broken
+        assert LETTER * letters.sum() + PAD * len(letters) <= ROOM, table.head
+        assert max(map(len, table.lines)) <= 2
+
+
+def test_three_records_have_no_bars():
+    """Neither their runs nor a rank correlation; the numbers stand in tables, and the page says why."""
+    summary = suite_summary(records=3, scales=1, failed=0)
+    sections = {section.name: section for section in suite_report(Subject(summary, Topic())).sections}
+    for name in ("worst", "correlation"):
+        assert not any(isinstance(part, Pictures) for part in sections[name].shown)
+    assert "3 records are too few; at least 5" in sections["correlation"].shown[0].text
+
+
+def test_round_off_is_shown_as_0_beside_what_has_its_unit():
+    """1e-5 J of 1e6 J, 1e-17 m of 0.03 m and a share of 3e-13."""
+    runs, opening = ("record", "scale", "sample"), np.array([0.01, 0.02, 0.03])[:, None, None]
+    small = {"energy_residual": (1e-5, "J"), "energy_input": (1e6, "J"), "ledger_imbalance": (3e-13, "1"),
+             "residual_slip": (1e-17, "m")}  # fmt: skip
+    more = {
+        name: (runs, value + 0.0 * opening, {"units": unit, "long_name": name})
+        for name, (value, unit) in small.items()
+    }
+    summary = summary_of(opening, np.ones((3, 1)), **more)
+    table = next(
+        part for part in responses_section(Subject(summary, Topic())).parts if isinstance(part, PageTable)
+    )
+    rows = {row[0].text: [cell.text for cell in row[3:7]] for row in table.cells}
+    assert rows["peak opening"][1] == "20"
+    for name, found in rows.items():
+        if name.split(",")[0] in ("energy residual", "ledger imbalance", "residual slip of a gap"):
+            assert found == ["0"] * 4, name
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (18.0, 53.0, [20, 30, 50]),
+        (2.8e-4, 4e-3, [5e-4, 1e-3, 2e-3]),
+        (1.0, 1.3, [1.0, 1.1, 1.2, 1.3]),
+        (0.02, 5.0, [0.1, 1.0]),
+        (1e-6, 1.0, [1e-6, 1e-4, 1e-2, 1.0]),
+    ],
+)
+def test_logarithmic_axes_have_three_to_six_round_numbers(low, high, ticks):
+    found = logarithmic_ticks(low, high)
+    assert 3 <= len(found) <= 7 and found.min() >= low and found.max() <= high
+    assert all(np.isclose(found, tick, rtol=1e-9).any() for tick in ticks), found

@@ -1,4 +1,4 @@
-"""A report as a PDF: the parts of a page set on sheets of paper, by matplotlib alone.
+"""A report as a PDF: the parts of a page set on sheets of paper, by matplotlib, with bookmarks by pypdf.
 
 Text is text that can be searched and copied, tables repeat their head on every sheet, and numbers stand under
 one another. A browser prints the page as well, but a cluster has no browser.
@@ -20,6 +20,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
 from matplotlib.textpath import text_to_path
+from pypdf import PdfWriter
 
 from romdam.core.files import replacing
 from romdam.core.printable import printable
@@ -51,12 +52,21 @@ _SOFT = "#59636e"
 
 
 @dataclass
-class _Sheets:
-    """Sheets that are filled from the top; `y` is how far the last one is [points from its top]."""
+class Sheets:
+    """Sheets that are filled from the top.
+
+    Attributes
+    ----------
+    paper : width and height [points]
+    all : the sheets
+    y : how far the last one is filled [points from its top]
+    bookmarks : title of every section, and the number of the sheet that it begins on, from 0
+    """
 
     paper: tuple[float, float]
     all: list[Figure] = field(default_factory=list)
     y: float = 0.0
+    bookmarks: list[tuple[str, int]] = field(default_factory=list)
 
     @property
     def width(self) -> float:
@@ -98,7 +108,7 @@ class _Sheets:
 
 
 def write_document(report: Report, path: Path, paper: tuple[float, float] = A4) -> Path:
-    """Write a report as a PDF, whole or not at all.
+    """Write a report as a PDF with a bookmark for each section, whole or not at all.
 
     Parameters
     ----------
@@ -110,20 +120,26 @@ def write_document(report: Report, path: Path, paper: tuple[float, float] = A4) 
         where the folder or the disk refuses it.
     """
     sheets, about = set_sheets(report, paper), {"Title": report.title, "CreationDate": None}
+    drawn = io.BytesIO()
     with (
         mpl.rc_context({**STYLE, "pdf.fonttype": 42}),  # text that can be searched
-        replacing(path) as unfinished,
-        PdfPages(unfinished, metadata=about) as pdf,
+        PdfPages(drawn, metadata=about) as pdf,
     ):
-        for sheet in sheets:
+        for sheet in sheets.all:
             pdf.savefig(sheet)
+    bookmarked = PdfWriter(clone_from=drawn)
+    for title, number in sheets.bookmarks:
+        bookmarked.add_outline_item(title=printable(title), page_number=number)
+    bookmarked.page_mode = "/UseOutlines"  # a reader shows them beside the first sheet
+    with replacing(path) as unfinished:
+        bookmarked.write(unfinished)
     return path
 
 
-def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
+def set_sheets(report: Report, paper: tuple[float, float]) -> Sheets:
     """Set a report on sheets of a size [points]."""
     with mpl.rc_context(STYLE):
-        sheets = _Sheets(paper)
+        sheets = Sheets(paper)
         sheets.need(paper[1])
         sheets.paragraph(report.title, _TITLE, bold=True)
         sheets.paragraph(report.about, _TEXT, colour=_SOFT)
@@ -132,18 +148,19 @@ def set_sheets(report: Report, paper: tuple[float, float]) -> list[Figure]:
         for section in report.sections:
             sheets.need(_beginning(sheets, section))  # a heading stays with what it is of
             sheets.y += _TEXT
+            sheets.bookmarks.append((section.title, len(sheets.all) - 1))
             sheets.paragraph(section.title, _HEADING, bold=True)
             for part in section.shown:
                 _set_part(sheets, part)
         for number, sheet in enumerate(sheets.all, 1):
-            foot = _Sheets(paper, [sheet], paper[1] - _FOOT)
+            foot = Sheets(paper, [sheet], paper[1] - _FOOT)
             foot.write(_MARGIN, _lines(report.title, 7.0, 0.8 * sheets.width)[0], 7.0, colour=_SOFT)
             page_text = f"{number} of {len(sheets.all)}"
             foot.write(paper[0] - _MARGIN, page_text, 7.0, colour=_SOFT, right=True)
-    return sheets.all
+    return sheets
 
 
-def _set_part(sheets: _Sheets, part: Part) -> None:
+def _set_part(sheets: Sheets, part: Part) -> None:
     if isinstance(part, PageTable):
         _set_table(sheets, part)
     elif isinstance(part, Pictures):
@@ -156,14 +173,14 @@ def _set_part(sheets: _Sheets, part: Part) -> None:
             sheets.paragraph(line, _TEXT)
 
 
-def _beginning(sheets: _Sheets, section: PageSection) -> float:
+def _beginning(sheets: Sheets, section: PageSection) -> float:
     """Height of a heading and of what must stand below it [points]."""
     first = section.shown[0] if section.shown else None
     below = _sized(sheets, first.all[0])[2] if isinstance(first, Pictures) else 0.0
     return 8.0 * _LINE * _TEXT + below
 
 
-def _sized(sheets: _Sheets, drawn: PagePicture) -> tuple[np.ndarray, float, float]:
+def _sized(sheets: Sheets, drawn: PagePicture) -> tuple[np.ndarray, float, float]:
     """The pixels of a picture, its width and its height: as wide as the text, or as high as fits [points]."""
     pixels = imread(io.BytesIO(drawn.png))
     high, wide = pixels.shape[:2]
@@ -172,7 +189,7 @@ def _sized(sheets: _Sheets, drawn: PagePicture) -> tuple[np.ndarray, float, floa
     return pixels, width, width * high / wide
 
 
-def _set_picture(sheets: _Sheets, drawn: PagePicture) -> None:
+def _set_picture(sheets: Sheets, drawn: PagePicture) -> None:
     """A picture and its caption."""
     pixels, width, height = _sized(sheets, drawn)
     sheets.need(height + 3.0 * _LINE * _SMALL)
@@ -184,7 +201,7 @@ def _set_picture(sheets: _Sheets, drawn: PagePicture) -> None:
     sheets.paragraph(drawn.caption, _SMALL, colour=_SOFT)
 
 
-def _set_table(sheets: _Sheets, table: PageTable) -> None:
+def _set_table(sheets: Sheets, table: PageTable) -> None:
     """A table, its head repeated on every sheet; letters as small as they must be to fit its numbers."""
     head = [PageCell(text) for text in table.head]
     rows, right = table.cells, table.numeric
@@ -218,7 +235,7 @@ def _set_table(sheets: _Sheets, table: PageTable) -> None:
 
 
 def _set_row(
-    sheets: _Sheets,
+    sheets: Sheets,
     row: Sequence[PageCell],
     widths: np.ndarray,
     right: Sequence[bool],

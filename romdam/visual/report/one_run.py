@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -19,6 +19,7 @@ from romdam.core.round_off import NOTHING, ROUND_OFF, without_round_off
 from romdam.core.version import SOURCE
 from romdam.postprocess.attached import attached_forces
 from romdam.postprocess.checks import NOT_JUDGED, run_checks
+from romdam.postprocess.joint_roles import bearing_first, bearing_joints
 from romdam.postprocess.maxima import (
     explained,
     joint_peaks,
@@ -129,6 +130,7 @@ class RunSubject:
 
 def run_report(subject: RunSubject) -> Report:
     """The report of one run."""
+    subject = replace(subject, dataset=bearing_first(subject.dataset))
     attrs = subject.dataset.attrs
     created = str(attrs["date_created"]).replace("T", " ").replace("+00:00", " UTC")
     about = f"Record {attrs['record']}; run of {created}, {attrs['source']}; {subject.system.name} units"
@@ -138,15 +140,17 @@ def run_report(subject: RunSubject) -> Report:
 
 def _facts(subject: RunSubject) -> list[Fact]:
     dataset, facts = subject.dataset, list[Fact]()
-    if "peak_opening" in dataset and dataset.joint.size:
-        facts.append(Fact("largest opening", subject.text("m", float(dataset.peak_opening.max()))))
     slides = sliding(dataset)
     if slides:
-        left = max(joint.residual_slip for joint in slides)
-        facts.append(Fact("largest residual slip", subject.text("m", left)))
-        least, where = least_factor(slides), "base and lift" if any(j.bears for j in slides) else "joint"
+        bearing = [joint for joint in slides if joint.bears]
+        least, where = least_factor(slides), "base and lift" if bearing else "joint"
         text = f"least factor of safety against sliding, every {where}"
         facts.append(Fact(text, "–" if least is None else f"{number(least.factor)} ({least.joint})"))
+        left = max(joint.residual_slip for joint in bearing or slides)
+        text = "largest residual slip" + " of bases and lifts" * bool(bearing)
+        facts.append(Fact(text, subject.text("m", left)))
+    if "peak_opening" in dataset and dataset.joint.size:
+        facts.append(Fact("largest opening", subject.text("m", float(dataset.peak_opening.max()))))
     if "face_principal_stress" in dataset:
         worst = float(dataset.face_principal_stress.sel(area_percentile=HEADLINE).max())
         facts.append(Fact(f"{HEADLINE:g} % stress of the worst face", subject.text("Pa", worst)))
@@ -355,12 +359,32 @@ def checks_section(subject: RunSubject) -> PageSection:
     return PageSection("checks", "Checks and stated errors", [size, PageTable(head, rows), *said, keys])
 
 
-def joints_section(subject: RunSubject) -> PageSection | None:
-    """Peaks of every joint, how they slide, and their figures."""
-    dataset = subject.dataset
-    if "joint" not in dataset or not dataset.joint.size:
+def bases_section(subject: RunSubject) -> PageSection | None:
+    """Bases and lifts, which the dam stands on: their peaks, how they slide, and figures of all joints."""
+    bearing = bearing_joints(subject.dataset)
+    if not bearing:
         return None
-    peaks = joint_peaks(dataset)
+    parts = [*_joint_tables(subject, bearing), *subject.figures("opening_envelope", "sliding")]
+    return PageSection("bases", "Bases and lifts", parts)
+
+
+def joints_section(subject: RunSubject) -> PageSection | None:
+    """The same of the other joints, and the histories of all of them."""
+    if "joint" not in subject.dataset or not subject.dataset.joint.size:
+        return None
+    bearing = bearing_joints(subject.dataset)
+    others = [str(name) for name in subject.dataset.joint.values if name not in bearing]
+    of_all = [] if bearing else ["opening_envelope", "sliding"]
+    histories = ("joint_opening", "joint_slip", "joint_displacement", "dissipated_energy")
+    parts = [*_joint_tables(subject, others), *subject.figures(*of_all, *histories)]
+    return PageSection("joints", "Joints", parts)
+
+
+def _joint_tables(subject: RunSubject, names: Collection[str]) -> list[Part]:
+    """Peaks of joints, and how they slide."""
+    if not names:
+        return []
+    peaks = [joint for joint in joint_peaks(subject.dataset) if joint.joint in names]
     columns: list[tuple[str, str, list[float]]] = [
         ("largest opening", "m", [joint.opening for joint in peaks]),
         ("compression, mean of an interval", "Pa", [joint.mean_compression for joint in peaks]),
@@ -376,18 +400,14 @@ def joints_section(subject: RunSubject) -> PageSection | None:
     times = [joint.opening_time for joint in peaks]
     head.insert(2, "at [s]")
     values.insert(1, [PageCell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
-    names = [joint.joint for joint in peaks]
-    rows = [list(row) for row in zip(names, *values, strict=True)]
-    return PageSection("joints", "Joints", [
-        PageTable(head, rows, "Peaks over all steps; compression is negative"), *_sliding_tables(subject),
-        *subject.figures("joint_opening", "opening_envelope", "sliding", "joint_slip", "joint_displacement",
-                         "dissipated_energy"),
-    ])  # fmt: skip
+    rows = [list(row) for row in zip([joint.joint for joint in peaks], *values, strict=True)]
+    peaks_table = PageTable(head, rows, "Peaks over all steps; compression is negative")
+    return [peaks_table, *_sliding_tables(subject, names)]
 
 
-def _sliding_tables(subject: RunSubject) -> Iterator[PageTable]:
+def _sliding_tables(subject: RunSubject, names: Collection[str]) -> Iterator[PageTable]:
     """How block J slides on block I, a row for each joint."""
-    joints = sliding(subject.dataset)
+    joints = [joint for joint in sliding(subject.dataset) if joint.joint in names]
     if not joints:
         return
     lengths = [(j.residual_slip, j.largest_slip, j.cumulative_slip) for j in joints]
@@ -567,6 +587,7 @@ def _scaled_text(value: object, size: float) -> str:
 
 
 RUN_SECTIONS: tuple[Callable[[RunSubject], PageSection | None], ...] = (
+    bases_section,
     dam_section,
     loads_section,
     motion_section,

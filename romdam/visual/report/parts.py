@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,13 +14,16 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from romdam.core.display_units import SUPERSCRIPTS
+from romdam.core.display_units import number
 from romdam.visual.style import STYLE
 
 LARGEST_SVG = 120_000  # bytes; a figure with more in it is a PNG
 _DPI = 170  # sharp in print, and on a screen of two dots a pixel
 _PIXELS = 128  # of the page for an inch of a figure, at most
 _LONG = 60  # letters from which on a text is set in several lines
+_UNIT = re.compile(r" ?(\[[^\[\]]+\])$")  # at the end of a column's head
+_MANY = 9  # columns
+_SHORT = 10  # letters of a head that stands in one line
 
 
 @dataclass(frozen=True)
@@ -91,7 +95,8 @@ class PageTable:
 
     Attributes
     ----------
-    head : of the columns; none where the first cell of each row says what the second is
+    head : of the columns, with their unit in brackets at the end, which is shown in a row of its own; none
+        where the first cell of each row says what the second is
     rows : of cells, numbers with so many `digits`
     caption : above it; `label` is what a screen reader calls it where there is none
     sortable : whether a reader may sort and filter it
@@ -108,6 +113,27 @@ class PageTable:
     descending: int | None = None
 
     @property
+    def titles(self) -> list[str]:
+        """The head without its units."""
+        return [_UNIT.sub("", text) for text in self.head]
+
+    @property
+    def lines(self) -> list[list[str]]:
+        """The head without its units, each title in at most two lines."""
+        return [_broken(title) for title in self.titles]
+
+    @property
+    def units(self) -> list[str]:
+        """Units of the columns, in brackets; empty where no column has any."""
+        units = [found[1] if (found := _UNIT.search(text)) else "" for text in self.head]
+        return units if any(units) else []
+
+    @property
+    def dense(self) -> bool:
+        """Tell whether it has so many columns that its letters are small."""
+        return len(self.head) > _MANY
+
+    @property
     def numeric(self) -> list[bool]:
         """Tell of each column whether it has numbers alone."""
         return [all(_is_number(row[k]) for row in self.rows) for k in range(len(self.rows[0]))]
@@ -119,6 +145,15 @@ class PageTable:
         return [
             [cell_of(value, self.digits, n) for n, value in zip(right, row, strict=True)] for row in self.rows
         ]
+
+
+def _broken(title: str) -> list[str]:
+    """A title in one line, or in the two whose longer one is the shortest."""
+    words = title.split(" ")
+    if len(title) <= _SHORT or len(words) == 1:
+        return [title]
+    breaks = ([" ".join(words[:k]), " ".join(words[k:])] for k in range(1, len(words)))
+    return min(breaks, key=lambda lines: max(map(len, lines)))
 
 
 def _is_number(value: Value) -> bool:
@@ -237,19 +272,6 @@ class Report:
     about: str
     facts: Sequence[Fact]
     sections: Sequence[PageSection]
-
-
-def number(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, as plain text; a dash where there is none."""
-    if np.isnan(value):
-        return "–"
-    if np.isinf(value):
-        return "∞" if value > 0 else "−∞"
-    if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}·10{str(int(exponent)).translate(SUPERSCRIPTS)}".replace("-", "−")
-    rounded = float(f"{value:.{digits - 1}e}")
-    return np.format_float_positional(rounded, trim="-").replace("-", "−")
 
 
 def picture(drawing: Figure | bytes, caption: str, alt: str = "") -> PagePicture:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.display_units import unit_text
+from romdam.core.round_off import without_round_off
 from romdam.postprocess.extremes import worst_runs
 from romdam.postprocess.fragility import none_exceeds
 from romdam.postprocess.responses import RUNS, intensity_of, parameters, response_of, responses
@@ -29,10 +30,23 @@ from romdam.visual.report.subject import Subject, plain
 
 MOST_ROWS = 5_000  # of a table: more make a page slow, and nobody reads them
 _WORST = 10
-_ANSWERS = (
-    "peak_opening", "peak_slip", "residual_opening", "residual_slip", "peak_mean_compressive_stress",
-    "peak_compressive_stress", "peak_displacement", "peak_stress", "face_stress",
-)  # fmt: skip
+_FEWEST_BARS = 4  # runs, below which bars say no more than the table under them
+_MOST_PARAMETERS = 4  # of a table of runs; the values of more stand in a table of the samples
+_ANSWERS = {  # response -> its head in a table
+    "peak_opening": "peak opening",
+    "peak_slip": "peak slip",
+    "residual_opening": "residual opening",
+    "residual_slip": "residual slip",
+    "peak_mean_compressive_stress": "mean compr.",
+    "peak_compressive_stress": "instant compr.",
+    "peak_displacement": "largest displ.",
+    "peak_stress": "peak stress",
+    "face_stress": "face stress",
+}
+_HEADS = (
+    "Compression is the largest mean of a writing interval, and the largest at one instant. Residual opening "
+    "and slip are those of a gap."
+)
 
 
 @dataclass(frozen=True)
@@ -62,9 +76,21 @@ def runs_section(subject: Subject) -> PageSection:
         notes.append(
             Text("Measures are those of what was analysed, beside the time that was recorded.", True)
         )
+    notes.append(Text(_HEADS, soft=True))
     ordered = next((k for k, column in enumerate(columns) if column.name == subject.response), None)
     table = PageTable(head, rows, label="All runs", sortable=True, descending=ordered)
-    return PageSection("runs", "All runs", [*notes, table])
+    return PageSection("runs", "All runs", [*notes, table, _samples_table(summary)])
+
+
+def _samples_table(summary: xr.Dataset) -> PageTable:
+    """Parameters of every sample; empty where they stand in the tables of the runs."""
+    of_parameters = [_numbers(name, values) for name, values in parameters(summary).items()]
+    if len(of_parameters) <= _MOST_PARAMETERS:
+        return PageTable([], [])
+    columns = [_Column("sample", lambda at: str(at[2])), *of_parameters]
+    places = [(0, 0, k) for k in range(min(summary.sizes["sample"], MOST_ROWS))]
+    head, rows = _table(columns, places)
+    return PageTable(head, rows, label="Samples", sortable=True)
 
 
 def worst_section(subject: Subject) -> PageSection | None:
@@ -74,7 +100,9 @@ def worst_section(subject: Subject) -> PageSection | None:
     worst = worst_runs(subject.summary, subject.response, _WORST)
     places = _by_response(subject)[: worst.sizes["run"]]
     caption = f"The {len(places)} largest of {subject.done} runs."
-    drawing = picture(plots.worst_figure(worst, [label(subject.summary, at) for at in places]), caption)
+    bars = None
+    if len(places) >= _FEWEST_BARS and float(worst.response.max()) > 0.0:
+        bars = picture(plots.worst_figure(worst, [label(subject.summary, at) for at in places]), caption)
     head, rows = _table(_columns(subject), places)
     table = PageTable(head, rows, label="Worst runs")
     # what the largest response says of records that were not run
@@ -84,7 +112,8 @@ def worst_section(subject: Subject) -> PageSection | None:
         f"None of {count} records exceeds {largest} {unit}; of others like them at most "
         f"1 - 0.05^(1/{count}) = {number(100 * none_exceeds(count))} % would, with 95 % confidence."
     )
-    return PageSection("worst", "Worst runs", [side_by_side(drawing), table, Text(beyond)])
+    notes = [Text(_HEADS, soft=True), Text(beyond)]
+    return PageSection("worst", "Worst runs", [side_by_side(bars), table, *notes])
 
 
 def label(summary: xr.Dataset, at: RunIndex) -> str:
@@ -122,16 +151,21 @@ def _columns(subject: Subject) -> list[_Column]:
     columns = [_Column("record", lambda at: str(summary.record.values[at[0]]))]
     if summary.sizes["scale"] > 1 or summary.scale.values[0] != 1.0:
         columns.append(_numbers("scale", summary.scale))
-    columns += [_numbers(name, values) for name, values in parameters(summary).items()]
+    of_parameters = [_numbers(name, values) for name, values in parameters(summary).items()]
+    if len(of_parameters) > _MOST_PARAMETERS:
+        of_parameters = [_Column("sample", lambda at: str(at[2]))]
+    columns += of_parameters
     there = responses(summary)
     chosen = dict.fromkeys([subject.response, *(name for name in _ANSWERS if name in there)])
-    columns += [_numbers(plain(name), response_of(summary, name), name) for name in chosen if name]
+    columns += [
+        _numbers(_ANSWERS.get(name, plain(name)), response_of(summary, name), name) for name in chosen if name
+    ]
     measured = dict.fromkeys([subject.topic.intensity, "sa", "pga"])
     for name in measured:
         if name == "scale" or f"record_{name}" in summary:
             columns.append(_numbers(plots.short(name), intensity_of(summary, name)))
     for name, text in (("record_duration", "analysed"), ("recorded_duration", "recorded")):
-        if name in summary:
+        if name in summary and float(summary[name].max() - summary[name].min()) > 0.0:  # else in Records
             columns.append(_numbers(text, summary[name]))
     if (summary.status > 0).any():
         status, message = summary.status.transpose(*RUNS).values, summary.message.transpose(*RUNS).values
@@ -146,7 +180,7 @@ def _numbers(title: str, values: xr.DataArray, name: str = "") -> _Column:
     """A column of a variable, in a unit that suits its numbers."""
     factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
     dims = [k for k, dim in enumerate(RUNS) if dim in values.dims]
-    numbers = factor * values.transpose(*(RUNS[k] for k in dims)).values.astype(float)
+    numbers = factor * without_round_off(values.transpose(*(RUNS[k] for k in dims)))
 
     def cell(at: RunIndex) -> PageCell:
         return cell_of(float(numbers[tuple(at[k] for k in dims)]))

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.core.display_units import unit_text
+from romdam.core.round_off import without_round_off
 from romdam.postprocess.dependence import correlation, sensitivity
 from romdam.postprocess.extremes import opening_envelopes
 from romdam.postprocess.fragility import fragility, none_exceeds
@@ -26,6 +27,7 @@ from romdam.visual import suite_plots as plots
 from romdam.visual.floor_plots import floor_spectra_of_runs
 from romdam.visual.report.joint_map import opening_map
 from romdam.visual.report.parts import (
+    PageCell,
     PagePicture,
     PageSection,
     PageTable,
@@ -39,11 +41,18 @@ from romdam.visual.report.parts import (
 from romdam.visual.report.subject import Subject, in_unit, plain, runs_text
 
 _ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a table is shown as 0
+_MANY_ROWS = 40  # of a table, from which on a reader may filter it
 
 
 def responses_section(subject: Subject) -> PageSection | None:
     """Every response over all runs, and the openings over the joints."""
     rows: list[list[Value]] = []
+    sizes = {"1": 1.0}  # of the largest response of a unit; shares stand beside 1
+    for name in responses(subject.population):
+        values = subject.population[name]
+        units = str(values.attrs.get("units", "1"))
+        most = float(np.nanmax(np.abs(values.values), initial=0.0))
+        sizes[units] = max(sizes.get(units, 0.0), most)
     for name in responses(subject.population):
         values = turned(subject.population[name])
         rest = [dim for dim in values.dims if dim not in RUNS]
@@ -54,8 +63,9 @@ def responses_section(subject: Subject) -> PageSection | None:
                 factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
                 where = " ".join(str(of_place.coords[dim].values) for dim in rest if dim in of_place.coords)
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
-                row = factor * np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
-                numbers = _tidy(row, factor * float(np.nanmax(np.abs(values.values))))
+                row = np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
+                row = without_round_off(row, sizes[str(values.attrs.get("units", "1"))])
+                numbers = _tidy(factor * row, factor * float(np.nanmax(np.abs(values.values))))
                 # an energy is that at the end, as its long name says
                 ends = str(values.attrs.get("long_name", "")).endswith(AT_THE_END)
                 label = plain(str(values.name)) + (AT_THE_END if ends else "")
@@ -69,9 +79,10 @@ def responses_section(subject: Subject) -> PageSection | None:
         count = int(envelopes["count"].sum())
         over_height = plots.height_figure(envelopes)
         heights = picture(over_height, f"Openings over height; {count} runs.") if over_height else None
-        largest = picture(opening_map(envelopes), f"The largest opening of every gap in {count} runs.")
+        of_gaps = opening_map(envelopes)
+        largest = picture(of_gaps, f"The largest opening of every gap in {count} runs.") if of_gaps else None
         parts.append(side_by_side(heights, largest))
-    table = PageTable(head, rows, "Over all runs")
+    table = PageTable(head, rows, "Over all runs", sortable=len(rows) > _MANY_ROWS)
     sign = Text("Compressions are sizes on this page; in the files compression is negative.", soft=True)
     return PageSection("responses", "Openings and other responses", [*parts, table, sign])
 
@@ -197,11 +208,13 @@ def hazard_section(subject: Subject) -> PageSection | None:
     about = summary[LEVEL].attrs
     factor, unit = plots.display_unit(summary[LEVEL], str(about["units"]))
     bounds = f"{100 * CONFIDENCE:g} % bounds, by records"
-    head = [f"level [{unit}]", "per year", bounds, "return period [years]", "outside the hazard's table [%]"]
-    head.append("note")
-    rows = [list[Value](row) for row in hazard_rows(summary, factor)]
+    head = [f"level [{unit}]", "per year", bounds, "return period [years]", "outside the table [%]", "note"]
+    rows: list[list[Value]] = [
+        [*(PageCell(text, "n") for text in (level, *numbers)), note]
+        for level, *numbers, note in hazard_rows(summary, factor)
+    ]
     parts: list[Part] = []
-    if (summary.annual_frequency > 0.0).any():
+    if int((summary.annual_frequency > 0.0).sum()) > 1:  # a curve
         caption = f"Annual frequency at which {plain(str(about['response']))} exceeds a level."
         parts.append(side_by_side(picture(plots.hazard_figure(summary, factor, unit), caption)))
     note = (

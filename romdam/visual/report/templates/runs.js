@@ -17,7 +17,7 @@ for (const box of document.querySelectorAll(".runs")) {
       row.hidden = !wanted.every((word) => texts[i].includes(word));
       shown += row.hidden ? 0 : 1;
     });
-    count.textContent = `${shown} of ${rows.length} runs`;
+    count.textContent = `${shown} of ${rows.length} rows`;
   };
 
   const sort = (head) => {
