@@ -25,7 +25,7 @@ from romdam.commands.views import info, plot, records, show, view
 from romdam.core.errors import RomdamError
 from romdam.core.files import keep_standard_files
 from romdam.core.printable import printable
-from romdam.core.version import SOURCE
+from romdam.core.version import SOURCE, commit
 from romdam.surroundings import Output, Signalled, check_surroundings, hear_signals, load_unsearched
 
 app = typer.Typer(
@@ -45,7 +45,8 @@ for command in _COMMANDS:
 
 def _version(asked: bool) -> None:
     if asked:
-        typer.echo(f"{SOURCE} (Python {sys.version.split()[0]})")
+        checkout = commit()
+        typer.echo(f"{SOURCE}{f', commit {checkout}' * bool(checkout)} (Python {sys.version.split()[0]})")
         raise typer.Exit
 
 
@@ -53,7 +54,13 @@ def _version(asked: bool) -> None:
 def _options(
     version: Annotated[
         bool,
-        typer.Option("--version", "-V", callback=_version, is_eager=True, help="Print the version and stop."),
+        typer.Option(
+            "--version",
+            "-V",
+            callback=_version,
+            is_eager=True,
+            help="Print the version, of a checkout its commit too, and stop.",
+        ),
     ] = False,
 ) -> None:
     check_surroundings()
