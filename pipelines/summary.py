@@ -19,6 +19,7 @@ from romdam.pipelines.input_motions import Read
 from romdam.records.components import check_components
 from romdam.results.dataset import run_identity
 from romdam.results.suite.design import design_dataset
+from romdam.results.suite.record_weights import record_weights
 from romdam.results.suite.rows import Kept, SuiteRow, row_values
 from romdam.results.suite.summary import SUMMARY, suite_of, summary_dataset, unscaled, write_summary
 from romdam.results.table import refuse_without, write_tables
@@ -72,14 +73,16 @@ def refuse_summary(job: Job, folder: Path | None, *files: str) -> None:
 
 
 def refuse_unmeasured(job: Job, read: Read) -> None:
-    """Refuse records that do not have the components which `suite.of` measures.
+    """Refuse records that do not have the components which `suite.of` measures, and weights of other records.
 
     Raises
     ------
-    RecordError
+    RecordError, ConfigError
         naming the record.
     """
-    of = suite_of(job).of
+    of, weights = suite_of(job).of, suite_of(job).weights
+    if weights is not None:
+        record_weights(weights, list(read), str(job.path))
     for name, motion in read.items():
         if isinstance(motion, GroundMotion):
             try:

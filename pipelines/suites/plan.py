@@ -49,6 +49,7 @@ from romdam.results.suite.design import (
 )
 from romdam.results.suite.hazard_table import suite_hazard
 from romdam.results.suite.journal import JOURNAL, append_rows, read_rows
+from romdam.results.suite.record_weights import record_weights
 from romdam.results.suite.rows import SuiteRow, source_of_rows
 from romdam.results.suite.summary import SuiteRecord, summary_dataset, write_summary
 from romdam.scene.build import build_scene
@@ -143,6 +144,8 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
     with clock.stage("records", "reading records"), faults.gathered():
         considered: list[Loaded] = []
         records = read_records(job, considered.append)
+        if suite.weights is not None:
+            record_weights(suite.weights, [record.name for record in records], str(job.path))
     if faults.errors:  # what is wrong with the scene is told too
         with faults.gathered():
             scene_of(job)

@@ -17,7 +17,7 @@ from romdam.postprocess.sobol import BASE_SAMPLES
 
 RESAMPLES = 1000
 _RELATIONS = ("spearman", "pearson", "slope", "dispersion", "count")
-_FEWEST = 5  # records: the rank correlation of fewer is often 1 by chance (of three, of one pair in six)
+_FEWEST = 3  # records of which two can be correlated at all
 
 
 def correlation(summary: xr.Dataset, response: str = "peak_opening") -> xr.Dataset:

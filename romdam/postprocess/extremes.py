@@ -7,6 +7,7 @@ import xarray as xr
 
 from romdam.core.errors import ResultError
 from romdam.postprocess.responses import RUNS, about_runs, response_of
+from romdam.postprocess.weights import weighted_quantiles, weights_of
 
 MEMORY = 20_000_000  # numbers held at once
 
@@ -38,7 +39,8 @@ def opening_envelopes(summary: xr.Dataset, fractiles: tuple[float, ...] = (0.5, 
     """
     if "gap_peak_opening" not in summary:
         raise ResultError("gap_peak_opening: this suite has none; a model without joints has no openings")
-    peaks = summary.gap_peak_opening.transpose(*RUNS, "gap")
+    peaks, weights = summary.gap_peak_opening.transpose(*RUNS, "gap"), weights_of(summary)
+    each = np.repeat(np.ones(peaks.sizes["record"]) if weights is None else weights, peaks.sizes["sample"])
     runs, gaps = peaks.sizes["record"] * peaks.sizes["sample"], peaks.sizes["gap"]
     envelopes = np.full((len(fractiles), peaks.sizes["scale"], gaps), np.nan)
     count = np.zeros(peaks.sizes["scale"])
@@ -47,10 +49,10 @@ def opening_envelopes(summary: xr.Dataset, fractiles: tuple[float, ...] = (0.5, 
         for first in range(0, gaps, together):
             chunk = slice(first, first + together)
             complete = peaks.isel(scale=k, gap=chunk).values.reshape(runs, -1).astype(float)
-            complete = complete[np.isfinite(complete).all(axis=1)]
-            count[k] = len(complete)
-            if len(complete):
-                envelopes[:, k, chunk] = np.quantile(complete, fractiles, axis=0)
+            there = np.isfinite(complete).all(axis=1) & (each > 0.0)
+            count[k] = there.sum()
+            if there.any():
+                envelopes[:, k, chunk] = weighted_quantiles(complete[there], fractiles, each[there])
     kept = ("scale", "gap_joint", "gap_position", "gap_area", "joint", "component")
     coords = {name: summary[name] for name in kept if name in summary.coords}
     data = {

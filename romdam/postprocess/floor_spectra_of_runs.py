@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import xarray as xr
 
 from romdam.postprocess.floor_spectra import broadened
+from romdam.postprocess.weights import weighted_quantiles, weights_of
 
 STATISTICS = {"median": 0.5, "84 %": 0.84, "largest": 1.0}  # of several runs: their quantiles
 
@@ -14,7 +16,7 @@ STATISTICS = {"median": 0.5, "84 %": 0.84, "largest": 1.0}  # of several runs: t
 def spectra_over_runs(summary: xr.Dataset) -> xr.Dataset:
     """Combine the floor spectra of a suite: median, 84th percentile and largest of the runs of each scale.
 
-    Records and samples of parameters count alike; runs that failed are left out.
+    Records count by their weights, samples of parameters alike; runs that failed are left out.
 
     Returns
     -------
@@ -25,10 +27,22 @@ def spectra_over_runs(summary: xr.Dataset) -> xr.Dataset:
         return xr.Dataset()
     values = summary.floor_spectrum.stack(run=("record", "sample")).reset_index("run", drop=True)
     values = values.dropna("run", how="all")
-    over = values.quantile(list(STATISTICS.values()), "run").rename(quantile="statistic")
-    over = over.assign_coords(statistic=list(STATISTICS)).transpose(
-        "statistic", "scale", "floor_place", "component", "floor_damping", "floor_frequency"
-    )
+    dims = ("scale", "floor_place", "component", "floor_damping", "floor_frequency")
+    values = values.transpose("run", *dims)
+    found = np.full((len(STATISTICS), *values.shape[1:]), np.nan)
+    weights = weights_of(values)
+    for k in range(values.sizes["scale"]):  # of a run all values are there, or none
+        there = np.isfinite(values.values[:, k]).reshape(values.sizes["run"], -1).all(axis=1)
+        there &= True if weights is None else weights > 0.0
+        if there.any():
+            of_scale = weighted_quantiles(
+                values.values[there, k],
+                list(STATISTICS.values()),
+                None if weights is None else weights[there],
+            )
+            found[:, k] = of_scale
+    kept = {name: summary.coords[name] for name in dims if name in summary.coords}
+    over = xr.DataArray(found, dims=("statistic", *dims), coords=kept | {"statistic": list(STATISTICS)})
     combined = xr.Dataset({"floor_spectrum": over.assign_attrs(summary.floor_spectrum.attrs)})
     combined.attrs["runs"] = int(values.sizes["run"])
     outputs = json.loads(str(summary.attrs.get("configuration", "{}"))).get("outputs", {})

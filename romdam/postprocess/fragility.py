@@ -155,19 +155,25 @@ def none_exceeds(records: int) -> float:
 
 def _observations(curves: list[Curve], threshold: float, method: str) -> Observations:
     """Collect what the curves say of the intensities at which the threshold is exceeded."""
-    known, below, above = [], [], []
+    known, below, above = (
+        list[tuple[float, float]](),
+        list[tuple[float, float]](),
+        list[tuple[float, float]](),
+    )
     for curve in curves:
         exceeds = curve.response > threshold
         if method == "stripes":
-            below += list(curve.intensity[exceeds])
-            above += list(curve.intensity[~exceeds])
+            below += [(x, curve.weight) for x in curve.intensity[exceeds]]
+            above += [(x, curve.weight) for x in curve.intensity[~exceeds]]
         elif exceeds[0]:
-            below.append(curve.intensity[0])
+            below.append((curve.intensity[0], curve.weight))
         elif exceeds.any():
-            known.append(curve.reaches(threshold))
+            known.append((curve.reaches(threshold), curve.weight))
         else:
-            above.append(curve.intensity[-1])
-    return Observations(*(np.log(np.array(members, dtype=float)) for members in (known, below, above)))
+            above.append((curve.intensity[-1], curve.weight))
+    weights = np.array([weight for _, weight in (*known, *below, *above)])
+    of_known, of_below, of_above = (np.log([x for x, _ in members]) for members in (known, below, above))
+    return Observations(of_known, of_below, of_above, weights if len({*weights}) > 1 else None)
 
 
 def product_limit(seen: Observations) -> Floats:
@@ -176,9 +182,11 @@ def product_limit(seen: Observations) -> Floats:
     A capacity that lies below a record's smallest intensity is taken to stand there.
     """
     reached = np.concatenate([seen.known, seen.below])
+    of_reached, of_above = np.split(seen.counts, [len(reached)])
     levels, counts = np.unique(reached, return_counts=True)
-    left = np.array([(reached >= level).sum() + (seen.above >= level).sum() for level in levels])
-    share = 1.0 - np.cumprod(1.0 - counts / np.maximum(left, 1))
+    gone = np.array([of_reached[reached == level].sum() for level in levels])
+    left = np.array([of_reached[reached >= x].sum() + of_above[seen.above >= x].sum() for x in levels])
+    share = 1.0 - np.cumprod(1.0 - gone / left)
     return np.column_stack([np.exp(levels), share, counts])
 
 
@@ -186,11 +194,12 @@ def _groups(curves: list[Curve], threshold: float) -> Floats:
     """(n, 3) intensity, share of runs above the threshold, and runs, in groups of like intensity."""
     x = np.concatenate([c.intensity for c in curves]) if curves else np.empty(0)
     y = np.concatenate([c.response > threshold for c in curves]) if curves else np.empty(0)
+    weight = np.concatenate([np.full(len(c.intensity), c.weight) for c in curves]) if curves else np.empty(0)
     order = np.argsort(x, kind="stable")
     levels, where, counts = np.unique(np.round(np.log(x), 9), return_inverse=True, return_counts=True)
     if len(levels) and counts.min() >= FEWEST:
         groups = [np.flatnonzero(where == i) for i in range(len(levels))]
     else:
         groups = np.array_split(order, max(1, min(GROUPS, len(order) // FEWEST))) if len(order) else []
-    rows = [[np.exp(np.log(x[i]).mean()), y[i].mean(), len(i)] for i in groups]
+    rows = [[np.exp(np.log(x[i]).mean()), np.average(y[i], weights=weight[i]), len(i)] for i in groups]
     return np.array(rows, dtype=float).reshape(-1, 3)

@@ -10,7 +10,7 @@ import xarray as xr
 from romdam.core.arrays import Floats
 from romdam.postprocess.fragility import fragility, resampled_fits
 from romdam.postprocess.hazard import HazardCurve
-from romdam.postprocess.responses import each_once, intensity_of, response_of
+from romdam.postprocess.responses import about_runs, each_once, intensity_of, response_of
 
 LEVEL = "hazard_level"  # dimension and coordinate
 STATEMENT = "hazard_statement"  # attribute of a summary without frequencies: why
@@ -51,7 +51,8 @@ def with_hazard_of_response(
     y = np.array(levels if levels is not None else _chosen(values.values))
     if not y.size:
         return summary.assign_attrs({STATEMENT: f"no run has a {response} above 0"})
-    records = int(values.notnull().any(("scale", "sample")).sum())
+    about_records = about_runs(population, values)
+    records, counts_as = int(str(about_records["records"])), float(str(about_records["effective_records"]))
     rows, statements, bounds = np.full((len(y), 4), np.nan), list[str](), np.full((len(y), 2), np.nan)
     for k, (row, level) in enumerate(zip(rows, y, strict=True)):
         fit = fragility(population, response, float(level), measure)
@@ -59,7 +60,7 @@ def with_hazard_of_response(
         if fit.theta.notnull():
             theta, beta = float(fit.theta), float(fit.beta)
             row[:] = (*curve.annual_frequency(theta, beta), theta, beta)
-            if records >= FEWEST:
+            if counts_as >= FEWEST:
                 bounds[k] = _bounds(population, curve, response, float(level), measure)
     units = str(measured.attrs.get("units", "1"))
     about = str(values.attrs.get("long_name", response))
@@ -100,16 +101,22 @@ def with_hazard_of_response(
             {"units": units, "long_name": str(measured.attrs.get("long_name", measure))},
         ),
     }  # fmt: skip
-    if few := few_records(records):
+    if few := few_records(records, counts_as):
         summary = summary.assign_attrs({WARNING: few})
     return summary.assign_coords(coords).assign_coords(bound=["lower", "upper"]).assign(data)
 
 
-def few_records(records: int) -> str:
-    """Say that annual frequencies are of too few records; empty where they are not."""
-    if records >= FEWEST:
+def few_records(records: int, counts_as: float) -> str:
+    """Say that annual frequencies are of too few records; empty where they are not.
+
+    Parameters
+    ----------
+    counts_as : equal records that scatter as little as those by their weights
+    """
+    if counts_as >= FEWEST:
         return ""
     of = "1 record" if records == 1 else f"{records} records"
+    of += "" if counts_as == records else f" that by their weights count as {counts_as:.2g}"
     return (
         f"annual frequencies are of {of}, and the scatter between records needs {FEWEST} at least: they "
         "leave it out, and have no bounds; run more records"

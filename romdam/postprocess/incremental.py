@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from romdam.postprocess.responses import RUNS, about_runs, curves_of, intensity_of, response_of
+from romdam.postprocess.weights import weighted_quantiles
 
 FRACTILES = (0.16, 0.5, 0.84)
 LEVELS = 25  # points of a curve against intensity
@@ -55,7 +56,10 @@ def ida_curves(summary: xr.Dataset, response: str = "peak_opening", intensity: s
     count = np.isfinite(at).sum(axis=0)
     table = np.full((len(FRACTILES), len(levels)), np.nan)
     enough = 5 * count >= 4 * len(curves)
-    table[:, enough] = np.nanquantile(at[:, enough], FRACTILES, axis=0)
+    weights = np.array([curve.weight for curve in curves])
+    for k in np.flatnonzero(enough):
+        there = np.isfinite(at[:, k])
+        table[:, k] = weighted_quantiles(at[there, k], FRACTILES, weights[there])
     data["fractiles"] = xr.DataArray(table, dims=("fractile", "level"), attrs=dict(values.attrs))
     data["count"] = xr.DataArray(
         count, dims="level", attrs={"units": "1", "long_name": "curves at the level"}

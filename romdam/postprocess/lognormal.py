@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from romdam.core.arrays import Floats
+from romdam.postprocess.weights import effective_number
 
 _ITERATIONS, _SMALL = 60, 1e-9
 _HALF_LOG_2PI = 0.5 * float(np.log(2.0 * np.pi))
@@ -29,16 +31,25 @@ class Observations:
     known : of values that are known
     below : limits that values lie at or below (left-censored)
     above : limits that values lie above (right-censored)
+    weights : of all of them, above 0; None where all count alike
     """
 
     known: Floats
     below: Floats
     above: Floats
+    weights: Floats | None = None
 
     @property
     def count(self) -> int:
         """Number of observations."""
         return len(self.known) + len(self.below) + len(self.above)
+
+    @cached_property
+    def counts(self) -> Floats:
+        """(n,) how many observations each counts as: together as many as scatter as little."""
+        if self.weights is None:
+            return np.ones(self.count)
+        return self.weights * (effective_number(self.weights) / self.weights.sum())
 
     @property
     def all(self) -> Floats:
@@ -83,7 +94,7 @@ class LognormalFit:
 
     def theta_bounds(self, confidence: float = 0.95) -> tuple[float, float]:
         """Bounds of the median from the profile likelihood; 0 or infinity where the data set none."""
-        start, step = float(np.log(self.theta)), self.beta / np.sqrt(self.observations.count)
+        start, step = float(np.log(self.theta)), self.beta / np.sqrt(self.observations.counts.sum())
         low, high = (
             self._crossing(lambda x: self._through(x, 0.0), start, sign * step, confidence)
             for sign in (-1.0, 1.0)
@@ -92,7 +103,7 @@ class LognormalFit:
 
     def beta_bounds(self, confidence: float = 0.95) -> tuple[float, float]:
         """Bounds of beta from the profile likelihood; 0 or infinity where the data set none."""
-        start, step = float(np.log(self.beta)), 1.0 / np.sqrt(2.0 * self.observations.count)
+        start, step = float(np.log(self.beta)), 1.0 / np.sqrt(2.0 * self.observations.counts.sum())
         low, high = (self._crossing(self._with_beta, start, sign * step, confidence) for sign in (-1.0, 1.0))
         return float(np.exp(low)), float(np.exp(high))
 
@@ -132,7 +143,8 @@ class LognormalFit:
         slope = np.exp(-log_beta)
         offset = slope * (self.observations.all - self.centre)
         climbed = _climb(self.observations, np.ones((len(offset), 1)), offset, np.array([self.level]))
-        return climbed.height + len(self.observations.known) * float(np.log(slope))
+        known = float(self.observations.counts[: len(self.observations.known)].sum())
+        return climbed.height + known * float(np.log(slope))
 
     def _crossing(
         self, profile: Callable[[float], float], start: float, step: float, confidence: float
@@ -209,7 +221,7 @@ def _climb(seen: Observations, design: Floats, offset: Floats, start: Floats, sl
 
     `slopes` says that the first parameter is the slope, whose logarithm every known value adds.
     """
-    many = len(seen.known) if slopes else 0
+    many = float(seen.counts[: len(seen.known)].sum()) if slopes else 0.0
 
     def height_of(at: Floats) -> float:
         if many and at[0] <= 0.0:
@@ -237,8 +249,9 @@ def _height(seen: Observations, eta: Floats) -> float:
     from scipy.special import log_ndtr
 
     n, m = len(seen.known), len(seen.known) + len(seen.below)
-    density = -0.5 * float(eta[:n] @ eta[:n]) - n * _HALF_LOG_2PI
-    return density + float(log_ndtr(eta[n:m]).sum() + log_ndtr(-eta[m:]).sum())
+    w = seen.counts
+    density = -float(w[:n] @ (0.5 * eta[:n] ** 2 + _HALF_LOG_2PI))
+    return density + float(w[n:m] @ log_ndtr(eta[n:m]) + w[m:] @ log_ndtr(-eta[m:]))
 
 
 def _derivatives(seen: Observations, eta: Floats) -> tuple[Floats, Floats]:
@@ -252,4 +265,4 @@ def _derivatives(seen: Observations, eta: Floats) -> tuple[Floats, Floats]:
     ratio = np.exp(-0.5 * bounded**2 - _HALF_LOG_2PI - log_ndtr(bounded))
     first, second = sign * ratio, -ratio * (bounded + ratio)
     first[:n], second[:n] = -eta[:n], -1.0
-    return first, second
+    return seen.counts * first, seen.counts * second

@@ -14,6 +14,7 @@ import xarray as xr
 
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
+from romdam.postprocess.weights import effective_number, weights_of
 
 RUNS = ("record", "scale", "sample")
 MEASURE = "record_"  # how the summary's variables of the records' measures begin
@@ -123,10 +124,11 @@ def parameters(summary: xr.Dataset) -> dict[str, xr.DataArray]:
 
 @dataclass(frozen=True)
 class Curve:
-    """One record with one sample over the scales whose runs are there, intensity rising."""
+    """One record with one sample over the scales whose runs are there, intensity rising, and its weight."""
 
     intensity: Floats
     response: Floats
+    weight: float = 1.0
 
     def at(self, levels: Floats) -> Floats:
         """Response at intensities, linear in logarithms where it can be; NaN outside the curve."""
@@ -145,15 +147,20 @@ class Curve:
 
 
 def curves_of(values: xr.DataArray, levels: xr.DataArray) -> list[Curve]:
-    """A curve for each record and sample that has a run."""
+    """A curve for each record and sample that has a run, and a weight above 0."""
+    weights = weights_of(values)
+    of_records = np.ones(values.sizes["record"]) if weights is None else weights
     y = values.transpose("record", "sample", "scale").values
     x = np.broadcast_to(levels.values[:, None, :], y.shape)
+    each = np.repeat(of_records, y.shape[1]).tolist()
     curves = []
-    for row_x, row_y in zip(x.reshape(-1, x.shape[-1]), y.reshape(-1, y.shape[-1]), strict=True):
+    for row_x, row_y, weight in zip(
+        x.reshape(-1, x.shape[-1]), y.reshape(-1, y.shape[-1]), each, strict=True
+    ):
         there = np.flatnonzero(np.isfinite(row_x) & np.isfinite(row_y) & (row_x > 0.0))
         there = there[np.argsort(row_x[there], kind="stable")]
-        if len(there):
-            curves.append(Curve(row_x[there], row_y[there]))
+        if len(there) and weight > 0.0:
+            curves.append(Curve(row_x[there], row_y[there], weight))
     return curves
 
 
@@ -162,13 +169,15 @@ def about_runs(
 ) -> dict[str, object]:
     """Names, units and numbers of runs that every result states."""
     finite = int(np.isfinite(values.values).sum())
+    there, weights = values.notnull().any(("scale", "sample")).values, weights_of(values)
     about: dict[str, object] = {
         "title": str(summary.attrs.get("title", "")),
         "response": str(values.name),
         "response_units": str(values.attrs.get("units", "1")),
         "response_long_name": str(values.attrs.get("long_name", values.name)),
         "runs": finite,
-        "records": int(values.notnull().any(("scale", "sample")).sum()),
+        "records": int(there.sum()),
+        "effective_records": float(there.sum()) if weights is None else effective_number(weights[there]),
         "failed": int(values.size - finite),
     }
     if measured is not None:

@@ -257,19 +257,37 @@ def check_tables(check: CheckedJob) -> list[Table]:
 
 def suite_table(summary: xr.Dataset) -> Table:
     """Peaks of a suite: a row for each joint and scale, over all records and samples."""
+    import numpy as np
+
     from romdam.postprocess.responses import each_once, repeated_text
+    from romdam.postprocess.weights import effective_number, weighted_quantiles, weights_of
 
     what, unit = _scale_head(summary)
     table = _table("Suite", ("joint", what), ("runs", "median [mm]", "84 % [mm]", "largest [mm]", "failed"))
-    if left_out := repeated_text(summary):
-        table.caption = left_out
+    weights = weights_of(summary)
+    by_weights = (
+        "" if weights is None else f"by weights of records, which count as {effective_number(weights):.3g}"
+    )
+    if caption := "; ".join(filter(None, (repeated_text(summary), by_weights))):
+        table.caption = caption
         table.caption_justify = "left"
     summary = each_once(summary)
+    weights = weights_of(summary)
     failed = (summary.status > 0).sum(("record", "sample"))
     for joint in summary.joint.values if "peak_opening" in summary else ():
         for k, scale in enumerate(summary.scale.values):
             peaks = 1e3 * summary.peak_opening.sel(joint=joint).isel(scale=k)
-            shares = (f"{float(peaks.quantile(share)):.2f}" for share in (0.5, 0.84, 1.0))
+            values = peaks.transpose("record", "sample").values
+            each = (
+                None
+                if weights is None
+                else np.broadcast_to(weights[:, None], values.shape)[~np.isnan(values)]
+            )
+            values = values[~np.isnan(values)]
+            numbers = (
+                weighted_quantiles(values, (0.5, 0.84, 1.0), each) if values.size else np.full(3, np.nan)
+            )
+            shares = (f"{value:.2f}" for value in numbers)
             bad = int(failed.isel(scale=k))
             table.add_row(str(joint), f"{float(scale) / unit:.4g}", str(peaks.size - bad), *shares, str(bad))
     return table

@@ -430,6 +430,7 @@ def _matrices() -> dict[str, Any]:
         "parameters": {"mu": {"path": "joints.gap.friction", "low": 0.3, "high": 0.7}},
         "design": {"sobol_indices": 16, "seed": 3},
         "hazard": {"table": "hazard.csv", "measure": "pga", "response": "peak_opening", "levels": ["1 mm"]},
+        "weights": {"pulse": 2.0},
     }
     return raw
 

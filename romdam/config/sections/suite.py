@@ -16,6 +16,7 @@ from romdam.core.errors import quote
 MOST_RUNS = 1_000_000
 Parameter = Annotated[str, Field(pattern=r"^[A-Za-z]\w*$", max_length=60)]
 Positive = Field(gt=0.0)
+Weight = Annotated[Dimensionless, Field(ge=0.0, le=1e9)]
 
 
 class IntensityConfig(Model):
@@ -280,6 +281,12 @@ class SuiteConfig(Model):
     samples, those of Sobol' indices, or a table."""
     correlation: CorrelationConfig | None = None
     hazard: HazardConfig | None = None
+    weights: (
+        Annotated[dict[Annotated[str, Field(min_length=1, max_length=200)], Weight], Field(min_length=1)]
+        | None
+    ) = None
+    """Weights of the records in statistics, by their names or patterns of names; every record has one. They
+    count alike if not given."""
     keep: Annotated[
         Annotated[Literal["peaks", "full"], Tag("word")] | Annotated[KeepConfig, Tag("mapping")],
         by_shape('"peaks", "full", or {output_interval: 0.05 s}', "peaks", "full"),

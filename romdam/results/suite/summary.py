@@ -31,10 +31,12 @@ from romdam.postprocess.record_measures import MEASURES, analysed, earlier_recor
 from romdam.postprocess.responses import RUNS, WITHIN
 from romdam.postprocess.sobol import BASE_SAMPLES, with_sobol_indices
 from romdam.postprocess.stress.summary import MEASURES as STRESS
+from romdam.postprocess.weights import WEIGHT, effective_number
 from romdam.results.attached import attached_names
 from romdam.results.checking import check_summary
 from romdam.results.dataset import library_versions, open_dataset, open_netcdf, write_dataset
 from romdam.results.suite.hazard_table import suite_hazard
+from romdam.results.suite.record_weights import record_weights
 from romdam.results.suite.rows import DONE, FAILED, ROWS, STATED, RunIndex, SuiteRow, attributes_of, dims_of
 from romdam.results.variables import COORDINATES
 
@@ -71,9 +73,11 @@ def unscaled(name: str, motion: GroundMotion | str) -> SuiteRecord:
 
 
 def suite_of(job: Job) -> SuiteConfig:
-    """Variations of a suite; a plain job varies nothing: of its `suite:` only `period` and `of` count."""
+    """Variations of a suite; of a plain job, which varies nothing, only `period`, `of`, `weights` count."""
     stated = job.config.suite or SuiteConfig()
-    return stated if job.config.pipeline == "suite" else SuiteConfig(period=stated.period, of=stated.of)
+    if job.config.pipeline == "suite":
+        return stated
+    return SuiteConfig(period=stated.period, of=stated.of, weights=stated.weights)
 
 
 def summary_dataset(
@@ -283,6 +287,12 @@ def _coordinates(
             {"units": "1", "long_name": "what the record is multiplied by"},
         ),
     }
+    stated = suite_of(job).weights
+    if stated is not None:
+        weights = record_weights(stated, [record.name for record in records], str(job.path))
+        about_weights = {"units": "1", "long_name": "weight of the record in statistics, of the sum 1",
+                         "effective_records": effective_number(weights)}  # fmt: skip
+        coords[WEIGHT] = ("record", weights, about_weights)
     coords |= {str(name): ("sample", v.values, v.attrs) for name, v in design.data_vars.items()}
     joints = list(scene.joints.values())
     coordinates: dict[str, Any] = {"component": np.array(["x", "y", "z"])}

@@ -20,6 +20,7 @@ from romdam.postprocess.responses import (
     response_of,
 )
 from romdam.postprocess.stated_errors import PARTS
+from romdam.postprocess.weights import effective_number, weights_of
 from romdam.visual import suite_plots as plots
 from romdam.visual.report.parts import (
     Code,
@@ -120,6 +121,11 @@ def what_was_run_section(subject: Subject) -> PageSection:
     ]
     if scale == "1" and summary.sizes["sample"] == 1:  # as the records are, of one dam
         del rows[1:3]
+    weights = weights_of(summary)
+    if weights is not None:
+        each = zip(map(str, summary.record.values), weights, strict=True)
+        text = ", ".join(f"{name} {number(100.0 * weight)} %" for name, weight in each)
+        rows.append(["weights of the records", f"{text}; they count as {number(effective_number(weights))}"])
     varied: list[list[Value]] = []
     for name, values in parameters(summary).items():
         factor, name_of_unit = plots.display_unit(values, str(values.attrs.get("units", "1")))

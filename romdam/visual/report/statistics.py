@@ -22,6 +22,7 @@ from romdam.postprocess.hazard_of_response import (
 from romdam.postprocess.incremental import ida_curves
 from romdam.postprocess.responses import RUNS, parameters, response_of, responses, turned
 from romdam.postprocess.sobol import BASE_SAMPLES, sobol_indices, sobol_rows
+from romdam.postprocess.weights import weighted_quantiles, weights_of
 from romdam.results.suite.rows import AT_THE_END
 from romdam.visual import suite_plots as plots
 from romdam.visual.floor_plots import floor_spectra_of_runs
@@ -41,12 +42,16 @@ from romdam.visual.report.parts import (
 from romdam.visual.report.subject import Subject, in_unit, plain, runs_text
 
 _ROUND_OFF = 1e-6  # of the largest of a variable, below which a number of a table is shown as 0
+_FEWEST_SHOWN = 5  # records whose correlation with their measures is shown
 _MANY_ROWS = 40  # of a table, from which on a reader may filter it
 
 
 def responses_section(subject: Subject) -> PageSection | None:
     """Every response over all runs, and the openings over the joints."""
     rows: list[list[Value]] = []
+    weights = weights_of(subject.population)
+    shape = tuple(subject.population.sizes[dim] for dim in RUNS)
+    each = None if weights is None else np.broadcast_to(weights[:, None, None], shape)
     sizes = {"1": 1.0}  # of the largest response of a unit; shares stand beside 1
     for name in responses(subject.population):
         values = subject.population[name]
@@ -57,13 +62,14 @@ def responses_section(subject: Subject) -> PageSection | None:
         values = turned(subject.population[name])
         rest = [dim for dim in values.dims if dim not in RUNS]
         for at in np.ndindex(*(values.sizes[dim] for dim in rest)):
-            of_place = values.isel(dict(zip(rest, at, strict=True)))
-            finite = of_place.values[np.isfinite(of_place.values)]
+            of_place = values.isel(dict(zip(rest, at, strict=True))).transpose(*RUNS)
+            there = np.isfinite(of_place.values)
+            finite, of_runs = of_place.values[there], None if each is None else each[there]
             if finite.size:
                 factor, unit = plots.display_unit(values, str(values.attrs.get("units", "1")))
                 where = " ".join(str(of_place.coords[dim].values) for dim in rest if dim in of_place.coords)
                 worst = finite.min() if finite.max() <= 0.0 else finite.max()
-                row = np.array([*np.quantile(finite, (0.16, 0.5, 0.84)), worst])
+                row = np.array([*weighted_quantiles(finite, (0.16, 0.5, 0.84), of_runs), worst])
                 row = without_round_off(row, sizes[str(values.attrs.get("units", "1"))])
                 numbers = _tidy(factor * row, factor * float(np.nanmax(np.abs(values.values))))
                 # an energy is that at the end, as its long name says
@@ -72,6 +78,7 @@ def responses_section(subject: Subject) -> PageSection | None:
                 rows.append([label, where, unit, *numbers, int(finite.size)])
     if not rows:
         return None
+    title = "Over all runs" + (", by the weights of the records" if each is not None else "")
     head = ["response", "where", "unit", "16 %", "median", "84 %", "extreme", "n"]
     parts: list[Part] = []
     if "gap_peak_opening" in subject.population:
@@ -82,7 +89,7 @@ def responses_section(subject: Subject) -> PageSection | None:
         of_gaps = opening_map(envelopes)
         largest = picture(of_gaps, f"The largest opening of every gap in {count} runs.") if of_gaps else None
         parts.append(side_by_side(heights, largest))
-    table = PageTable(head, rows, "Over all runs", sortable=len(rows) > _MANY_ROWS)
+    table = PageTable(head, rows, title, sortable=len(rows) > _MANY_ROWS)
     sign = Text("Compressions are sizes on this page; in the files compression is negative.", soft=True)
     return PageSection("responses", "Openings and other responses", [*parts, table, sign])
 
@@ -154,7 +161,11 @@ def fragility_section(subject: Subject) -> PageSection | None:
             f"{none.attrs['records']} records, with 95 % confidence."
         )
     parts: list[Part] = [side_by_side(*pictures), *(Text(note, soft=True) for note in notes)]
-    if fits and subject.topic.hazard is not None and (few := few_records(int(fits[0].attrs["records"]))):
+    if (
+        fits
+        and subject.topic.hazard is not None
+        and (few := few_records(fits[0].attrs["records"], fits[0].attrs["effective_records"]))
+    ):
         parts.append(Text(f"Warning: {few}."))
     return PageSection(
         "fragility",
@@ -235,6 +246,12 @@ def correlation_section(subject: Subject) -> PageSection | None:
     )
     if correlated.attrs["statement"]:
         return PageSection("correlation", title, [Text(f"No correlation: {correlated.attrs['statement']}.")])
+    records = int(correlated.count_at_scale.max())
+    if (
+        records < _FEWEST_SHOWN
+    ):  # of three records the rank correlation is 1 or -1 by chance in one case of three
+        text = f"No correlation: {records} records are too few; at least {_FEWEST_SHOWN} are needed."
+        return PageSection("correlation", title, [Text(text)])
     closest = str(correlated.measure.values[int(np.nanargmax(abs(correlated.spearman.values)))])
     said = (
         f"Rank correlation over records within each scale, samples by their median; {runs_text(correlated)}."
