@@ -505,6 +505,7 @@ def test_tables_of_runs_fit_a_page_of_1280_pixels(parameters):
 def test_three_records_have_no_bars():
     """Neither their runs nor a rank correlation; the numbers stand in tables, and the page says why."""
     summary = suite_summary(records=3, scales=1, failed=0)
+    summary["record_sa"] = summary.record_sa.copy(data=[[1.0], [2.0], [3.0]])
     sections = {section.name: section for section in suite_report(Subject(summary, Topic())).sections}
     for name in ("worst", "correlation"):
         assert not any(isinstance(part, Pictures) for part in sections[name].shown)

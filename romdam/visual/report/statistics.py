@@ -246,11 +246,9 @@ def correlation_section(subject: Subject) -> PageSection | None:
     )
     if correlated.attrs["statement"]:
         return PageSection("correlation", title, [Text(f"No correlation: {correlated.attrs['statement']}.")])
-    records = int(correlated.count_at_scale.max())
-    if (
-        records < _FEWEST_SHOWN
-    ):  # of three records the rank correlation is 1 or -1 by chance in one case of three
-        text = f"No correlation: {records} records are too few; at least {_FEWEST_SHOWN} are needed."
+    most = int(correlated.count_at_scale.max())
+    if most < _FEWEST_SHOWN:  # of three records the rank correlation is 1 or -1 by chance in a third of cases
+        text = f"No correlation: {most} records are too few; at least {_FEWEST_SHOWN} are needed."
         return PageSection("correlation", title, [Text(text)])
     closest = str(correlated.measure.values[int(np.nanargmax(abs(correlated.spearman.values)))])
     said = (
