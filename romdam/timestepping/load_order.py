@@ -32,7 +32,12 @@ def order_warnings(prepared: Prepared, settings: Settings) -> tuple[str, ...]:
     The first call finds the state at rest too, so that both orders share what they factor.
     """
     system, tolerance = prepared.system, settings.tolerance
-    if settings.initial_state != "static" or settings.start is not None or len(load_path(system)) == 1:
+    if (
+        not prepared.compares_orders
+        or settings.initial_state != "static"
+        or settings.start is not None
+        or len(load_path(system)) == 1
+    ):
         return ()
     return prepared.cache.get_or_compute(
         ("order of loads", tolerance),

@@ -107,6 +107,8 @@ class Prepared:
         differ in damping and in their joints' parameters at most
     propagators : of modes over a step, by their frequencies and damping; shared as `symmetries` are
     symmetry, whole : how this system with merged contacts stands for a whole one, and that one
+    compares_orders : whether the state at rest is found for the reversed order of loads too, and a wide range
+        warned of; not worth its time where nobody reads the warnings
     """
 
     system: System
@@ -117,6 +119,7 @@ class Prepared:
     propagators: OperatorCache = field(default_factory=OperatorCache)
     symmetry: Symmetry | None = None
     whole: Prepared | None = None
+    compares_orders: bool = True
 
     @property
     def goes_on_from(self) -> FinalState | None:

@@ -11,6 +11,7 @@ import yaml
 from arch_dams import PERIMETER, ROCK, ROCKS, arch_dam
 from test_cli import SMALL, call
 
+import romdam
 import romdam.pipelines.error.sibling as sibling_module
 from romdam.config.load import load_config
 from romdam.config.other_mesh import coarser_by_direction, on_coarser_mesh
@@ -27,6 +28,7 @@ from romdam.error.discretisation import (
 from romdam.pipelines.error.mesh import run_on_mesh
 from romdam.pipelines.run import Clock, silent
 from romdam.records.record_set import load_motions
+from romdam.timestepping import load_order
 
 TIME = np.linspace(0.0, 4.0, 401)
 ABOUT = {"record": "pulse", "seconds": 4.0}
@@ -580,3 +582,42 @@ def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
             truth = getattr(true[name], measure) / 1.5
             assert truth > 0.02
             assert 0.5 * truth <= getattr(stated[name], measure) <= 2.0 * truth
+
+
+STANDING = """
+materials: {concrete: {E: 20 GPa, nu: 0.2, rho: 2400 kg/m3}}
+blocks:
+  rock:
+    material: concrete
+    mass: false
+    weight: false
+    box: {origin: [0, 0, -4], size: [8, 8, 4], element_size: 2 m}
+  dam: {material: concrete, box: {origin: [0, 0, 0], size: [8, 8, 12], element_size: 2 m}}
+supports: [{block: rock, face: zmin}]
+joints:
+  base: {between: [rock, dam], normal_stiffness: 10 GPa/m, shear_stiffness: 5 GPa/m, friction: 0.8}
+loads:
+  gravity: [0, 0, -9.81]
+  hydrostatic: [{level: 6 m, faces: [{block: dam, face: ymin}]}]
+records: [{file: pulse.txt, unit: m/s2, dt: 0.01 s, components: {y: 1}}]
+model: {modes: 6}
+transient: {finest_step: 5 ms}
+outputs: {plots: false}
+"""
+
+
+def test_runs_on_other_meshes_do_not_look_for_the_range_of_states_at_rest(tmp_path, monkeypatch):
+    """The run itself does, once; nobody reads the warnings of the others."""
+    reversed_orders, find = [], load_order.static_equilibrium
+
+    def counting(*given, reverse=False):
+        reversed_orders.append(reverse)
+        return find(*given, reverse=reverse)
+
+    monkeypatch.setattr(load_order, "static_equilibrium", counting)
+    np.savetxt(tmp_path / "pulse.txt", 3.0 * np.sin(np.arange(40) / 3.0), fmt="%.5f")
+    (tmp_path / "job.yaml").write_text(STANDING)
+    outcome = romdam.run(romdam.load_config(tmp_path / "job.yaml"), tmp_path / "out")
+    with romdam.open_result(outcome.paths[0]) as result:
+        assert float(result.dataset.attrs["discretisation_opening_l2"]) > 0.0
+    assert reversed_orders == [True]
