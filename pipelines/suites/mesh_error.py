@@ -13,6 +13,7 @@ from romdam.pipelines.run import Clock, Stage, build_model, build_sibling
 from romdam.pipelines.simulation import simulate_motion
 from romdam.pipelines.stresses import stress_of
 from romdam.pipelines.suites.plan import Plan
+from romdam.pipelines.suites.progress import of_parts
 from romdam.pipelines.suites.tasks import Run, scaled
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.results.case import Case
@@ -49,11 +50,12 @@ def state_mesh_error(plan: Plan, show: Stage, store: BlockStore) -> ErrorStateme
     strongest = stated_runs[-1]
     model = with_stress(build_model(with_compared_stress(plan.job), clock, store))
     statements = {}
+    name, duration = plan.motions[strongest.record].name, plan.job.config.transient.duration
     try:
-        for run in stated_runs:
-            motion = scaled(plan.motions[run.record], run)
-            duration = plan.job.config.transient.duration
-            with clock.stage("mesh", f"stating the error of the mesh, {motion.name}") as progress:
+        with clock.stage("mesh", f"stating the error of the mesh, {name}") as whole:
+            progress = of_parts(whole, len(stated_runs) * (1 + len(sibling.others)))
+            for run in stated_runs:
+                motion = scaled(plan.motions[run.record], run)
                 history = simulate_motion(plan.job, model.prepared, motion, duration, progress)
                 history, stress = stress_of(model.scene, model.stress, history)
                 case = Case(model.scene, motion, history, stress)

@@ -42,6 +42,24 @@ class Note:
             self._path.write_text(f"{self._runs * share:.6f}\n")
 
 
+def of_parts(progress: Callable[[int, int], None], parts: int) -> Callable[[int, int], None]:
+    """Make the progress of one stage of what its parts tell of themselves, one after another.
+
+    What is told after the end of a part, or from less than it had done, is of the next one.
+    """
+    part, before = 0, 0.0
+
+    def tell(done: int, total: int) -> None:
+        nonlocal part, before
+        share = done / max(total, 1)
+        if before >= 1.0 or share < before:
+            part += 1
+        before = share
+        progress(round(STEPS * min(part + share, parts)), STEPS * parts)
+
+    return tell
+
+
 @contextmanager
 def watched(
     folder: Path, runs: int, progress: Callable[[int, int], None]

@@ -3,17 +3,20 @@
 import io
 import re
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import yaml
 from rich.console import Console
+from suite_jobs import write_job
 from test_cli import SMALL
 
+import romdam
 from romdam import terminal
 from romdam.core.counted import Counted
 from romdam.pipelines.suites import progress as progress_module
-from romdam.pipelines.suites.progress import STEPS, Note, watched
+from romdam.pipelines.suites.progress import STEPS, Note, of_parts, watched
 from romdam.pipelines.suites.run import SuiteOptions, run_suite
 
 
@@ -87,3 +90,35 @@ def test_a_terminal_says_runs_done_of_all_and_the_time_left(monkeypatch):
         progress(6999, 7000)
         time.sleep(0.3)
     assert "6 of 7 runs" in out.getvalue() and "left" in out.getvalue()
+
+
+def test_parts_of_a_stage_are_one_progress():
+    told = []
+    tell = of_parts(lambda *shares: told.append(shares), 3)
+    for done, total in ((1, 4), (4, 4), (1, 2), (2, 2), (0, 10), (10, 10), (1, 10)):
+        tell(done, total)
+    assert told == [(n, 3 * STEPS) for n in (250, 1000, 1500, 2000, 2000, 3000, 3000)]
+
+
+def test_the_statement_of_the_mesh_before_a_suite_has_one_progress(tmp_path):
+    """Two scales on two meshes: four runs, from none to all, before the runs of the suite."""
+    shown = {}
+
+    @contextmanager
+    def show(text):
+        yield lambda *of: shown.setdefault(str(text), []).append(of)
+
+    box = {"origin": [0, -4, 0], "size": [4, 4, 16], "element_size": "2 m"}
+    blocks = {
+        "left": {"material": "concrete", "box": box},
+        "right": {"material": "concrete", "box": box | {"origin": [0, 0, 0]}},
+    }
+    config = write_job(tmp_path, records=1, suite={"scales": [0.5, 1.0]}, blocks=blocks,
+                       outputs={"output_interval": "0.02 s", "error_estimate": False})  # fmt: skip
+    run_suite(romdam.load_config(config), tmp_path / "out", SuiteOptions(workers=1), show)
+    names = list(shown)
+    (stage,) = [name for name in names if name.startswith("stating the error of the mesh")]
+    assert names.index(stage) < names.index("2 runs")
+    shares = [done / total for done, total in shown[stage]]
+    assert shares == sorted(shares) and shares[0] < 0.26 and shares[-1] == 1.0
+    assert {total for _, total in shown[stage]} == {4 * STEPS}
