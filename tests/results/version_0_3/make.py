@@ -5,13 +5,14 @@ tar -cJf files.tar.xz --exclude=suite/cache --exclude=run/r1.nc --exclude='*.log
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
 
 import romdam
 
-CONFIG = {
+CONFIG: dict[str, Any] = {
     "title": "A monolith on rock beside another that romdam 0.3 shook",
     "materials": {"concrete": {"E": "20 GPa", "E_dynamic": "26 GPa", "nu": 0.2, "rho": "2400 kg/m3"}},
     "blocks": {
@@ -82,7 +83,7 @@ CONFIG = {
         },
     },
 }
-SUITE = {
+SUITE: dict[str, Any] = {
     "pipeline": "suite",
     "outputs": {key: value for key, value in CONFIG["outputs"].items() if key != "stress"},
     "suite": {
@@ -93,7 +94,7 @@ SUITE = {
     },
 }
 ROCK = {"material": "concrete", "depth": "20 m", "mass": False}
-DAMS = {  # whose joints and blocks are made from a few keys
+DAMS: dict[str, dict[str, Any]] = {  # whose joints and blocks are made from a few keys
     "gravity": {
         "gravity_dam": {
             "upstream": [["0 m", "0 m"], ["30 m", "0 m"]],
