@@ -291,7 +291,10 @@ MORE_FAULTS: list[Fault] = [
     *faults_in(
         "postprocess/fragility.py",
         ("tests/suite/test_analysis.py", "-k", "of_a_threshold"),
-        ("above.append(curve.intensity[-1])", "above.append(curve.intensity[0])"),
+        (
+            "above.append((curve.intensity[-1], curve.weight))",
+            "above.append((curve.intensity[0], curve.weight))",
+        ),
     ),
     *faults_in(
         "postprocess/fragility.py",
