@@ -80,9 +80,12 @@ class Config(Sections):
                 self._known(f"{key}.between", block_name, blocks)
         for i, pressure in enumerate(self.loads.pressure):
             self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
-        for i, water in enumerate(self.loads.hydrostatic):
-            for k, face in enumerate(water.faces):
-                self._known(f"loads.hydrostatic[{i}].faces[{k}].block", face.block, blocks)
+        for section in ("hydrostatic", "ice", "silt"):
+            for i, load in enumerate(getattr(self.loads, section)):
+                for k, face in enumerate(load.faces):
+                    self._known(f"loads.{section}[{i}].faces[{k}].block", face.block, blocks)
+        for i, line in enumerate(self.loads.line):
+            self._known(f"loads.line[{i}].block", line.block, blocks)
         for i, wet in enumerate(self.loads.joint_water):
             for joint_name in wet.joints:
                 self._known(f"loads.joint_water[{i}].joints", joint_name, self.every_joint)

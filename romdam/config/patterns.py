@@ -18,6 +18,8 @@ _ENTRIES: tuple[Path, ...] = (
     ("ground", "viscous"),
     ("loads", "pressure"),
     ("loads", "hydrostatic", EVERY, "faces"),
+    ("loads", "ice", EVERY, "faces"),
+    ("loads", "silt", EVERY, "faces"),
     ("water", "faces"),
     ("water", "rock"),
     ("outputs", "stress", "faces"),

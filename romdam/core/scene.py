@@ -271,11 +271,12 @@ class Tie:
 
 @dataclass(frozen=True)
 class PointForce:
-    """A force (3,) on one node of a block [N]."""
+    """A force (3,) on one node of a block [N], and the key of the load that it belongs to."""
 
     block: str
     node: int
     force: Floats
+    load: str = "loads.force"
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,7 @@ from romdam.scene.joints import build_joint
 from romdam.scene.plausible import odd_remarks
 from romdam.scene.reservoir.build import build_reservoir, refuse_level
 from romdam.scene.select import nearest_node, refuse_selected_twice, select_facets
+from romdam.scene.static_loads import ice_silt_and_lines
 from romdam.scene.stress.sites import Structure, stress_sites
 from romdam.scene.supports import refuse_free_blocks, refuse_massless_on_joints
 from romdam.scene.ties import build_tie, merged_parts, refuse_tied
@@ -181,6 +182,7 @@ def _on_faces_and_nodes(
             at = f"{source}: loads.force[{k}].at"
             node = nearest_node(blocks[force.block], force.at, force.tolerance, at)
             forces.append(PointForce(force.block, node, np.array(force.force)))
+    forces += ice_silt_and_lines(config.loads, blocks, source, faults)
     for name, probe in config.outputs.nodes.items():
         with faults.gathered():
             at = f"{source}: outputs.nodes.{name}.at"

@@ -222,7 +222,7 @@ def _added_up(scene: Scene) -> list[str]:
     remarks = []
     loads: dict[str, list[list[tuple[str, tuple[int, ...]]]]] = {
         "loads.pressure": [facet_keys(load.block, load.facets) for load in scene.pressures],
-        "loads.force": [[(load.block, (load.node,))] for load in scene.forces],
+        "loads.force": [[(load.block, (load.node,))] for load in scene.forces if load.load == "loads.force"],
     }
     for key, names in loads.items():
         seen: dict[tuple[str, tuple[int, ...]], int] = {}

@@ -83,6 +83,31 @@ _TWO: dict[str, Any] = {
             }
         ],
         "hydrostatic": [{"level": "12 m", "faces": [{"block": "right", "face": "xmin"}]}],
+        "ice": [
+            {
+                "level": "12 m",
+                "thickness": "0.5 m",
+                "thrust": "150 kN/m",
+                "faces": [{"block": "right", "face": "xmin"}],
+            }
+        ],
+        "silt": [
+            {
+                "level": "3 m",
+                "density": "900 kg/m3",
+                "pressure_ratio": 0.5,
+                "faces": [{"block": "right", "face": "xmin"}],
+            }
+        ],
+        "line": [
+            {
+                "block": "left",
+                "start": [0, -3, 20],
+                "end": [5, -3, 20],
+                "force": [0, "1 kN/m", "-40 kN/m"],
+                "tolerance": 0.05,
+            }
+        ],
         "initial_state": "static",
     },
     "construction": [

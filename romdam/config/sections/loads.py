@@ -14,6 +14,7 @@ from romdam.config.quantities import (
     Diffusivity,
     Dimensionless,
     Force,
+    ForcePerLength,
     Length,
     Pressure,
     Temperature,
@@ -122,6 +123,57 @@ class HydrostaticConfig(Model):
     faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
     density: Annotated[Density, Positive] = 1000.0
     """Density of the water."""
+
+
+class IceConfig(Model):
+    """Thrust of a sheet of ice on faces, horizontal and into the blocks, evenly over its thickness."""
+
+    level: Length
+    """Elevation of the top of the ice."""
+    thickness: Annotated[Length, Positive]
+    """Thickness of the ice, below the level."""
+    thrust: Annotated[ForcePerLength, Positive]
+    """Horizontal force for each metre of the face's length."""
+    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+
+
+class SiltConfig(Model):
+    """Weight and horizontal pressure of silt that lies before faces; the pressure of its water comes apart.
+
+    On a face with outward normal n the traction is -gamma d (K n_x, K n_y, n_z), with d the depth below the
+    level and gamma the weight under water, density times vertical gravity.
+    """
+
+    level: Length
+    """Elevation of the top of the silt."""
+    density: Annotated[Density, Positive]
+    """Density under water: of the saturated silt less that of water, such as 900 kg/m3."""
+    pressure_ratio: Annotated[Dimensionless, Field(gt=0.0, le=2.0)]
+    """Horizontal over vertical pressure K; at rest 1 - sin of the friction angle."""
+    faces: Annotated[tuple[BlockFace, ...], Field(min_length=1)]
+
+
+class LineLoadConfig(Model):
+    """A force spread evenly over a straight line in or on a block, such as the weight of a bridge."""
+
+    block: str
+    """A name of `blocks`."""
+    start: Vector
+    """One end of the line."""
+    end: Vector
+    """The other end."""
+    force: tuple[ForcePerLength, ForcePerLength, ForcePerLength]
+    """Force along x, y and z for each metre of the line."""
+    tolerance: Tolerance = 0.05
+    """Distance up to which the line may lie outside the block's elements, as on a curved face."""
+
+    @model_validator(mode="after")
+    def _has_length(self) -> Self:
+        if self.start == self.end:
+            raise ValueError("`start` and `end` are one point; name both ends, or take loads.force")
+        if not any(self.force):
+            raise ValueError("`force` must not be zero, got [0, 0, 0]")
+        return self
 
 
 class FaceTemperaturesConfig(Model):
@@ -261,6 +313,9 @@ class LoadsConfig(Model):
     """Structure that weight acts on: the finished dam, or the blocks before the joints are grouted (staged:
     joints carry none of it)."""
     hydrostatic: tuple[HydrostaticConfig, ...] = ()
+    ice: tuple[IceConfig, ...] = ()
+    silt: tuple[SiltConfig, ...] = ()
+    line: tuple[LineLoadConfig, ...] = ()
     temperature: tuple[TemperatureConfig, ...] = ()
     pressure: tuple[PressureConfig, ...] = ()
     force: tuple[ForceConfig, ...] = ()
@@ -272,8 +327,8 @@ class LoadsConfig(Model):
         by_shape("an order such as [weight, forces, water, temperature], or together", "together"),
     ] = ("weight", "forces", "water", "temperature")
     """Order in which these loads are applied to the state at rest, on which slip and cracks depend; each is
-    named once (forces: pressure and force; water: hydrostatic and joint_water), or all come together. Stages
-    of construction and grouting come before them."""
+    named once (forces: pressure, force, ice, silt and line; water: hydrostatic and joint_water), or all come
+    together. Stages of construction and grouting come before them."""
     initial_state: Annotated[
         Annotated[Literal["static", "undeformed"], Tag("word")]
         | Annotated[InitialStateConfig, Tag("mapping")],

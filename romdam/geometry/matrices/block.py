@@ -195,7 +195,7 @@ def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
     """Actions on nodes of a block: key, nodes, and (k, 3) which of their components."""
     pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
     pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
-    pairs += [("loads.force", np.array([force.node])) for force in scene.forces if force.block == name]
+    pairs += [(force.load, np.array([force.node])) for force in scene.forces if force.block == name]
     pairs += [
         (one.signal.name, np.flatnonzero(one.nodal.any(axis=1)))
         for one in scene.force_histories

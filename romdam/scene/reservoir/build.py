@@ -158,8 +158,8 @@ def _refuse_many_waves(water: Reservoir, blocks: dict[str, Block], location: str
         )
 
 
-def refuse_level(level: float, heights: list[Floats], location: str) -> None:
-    """Refuse water above its faces, or not above their foot.
+def refuse_level(level: float, heights: list[Floats], location: str, load: str = "the water") -> None:
+    """Refuse what stands above its faces, such as water, or not above their foot.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def refuse_level(level: float, heights: list[Floats], location: str) -> None:
         what = "above the top of its faces" if level > top else "not above the foot of its faces"
         remedy = "lower it" if level > top else "raise it, or leave the load out"
         raise ConfigError(
-            f"{location}.level: the water is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} "
+            f"{location}.level: {load} is {what}: {level:g} m, and they reach from {bottom:g} to {top:g} "
             f"m; {remedy}"
         )
 
