@@ -73,8 +73,9 @@ def plane_of(position: Floats) -> JointPlane:
 def map_panels(
     planes: Mapping[str, JointPlane],
     titles: Mapping[str, str],
-    colours: tuple[Normalize, str],
+    norm: Normalize,
     *,
+    label: str,
     unit: str,
     width: float,
     highest: float,
@@ -86,7 +87,7 @@ def map_panels(
     ----------
     planes : of the joints, in the order of the panels
     titles : above the panels
-    colours : values of the ends of the bar, and its name
+    norm, label : values of the ends of the bar of colours, and its name
     unit : of lengths
     width : of the figure at most [in]
     highest : map at most, and the blank above all of them `above` [in]
@@ -132,7 +133,6 @@ def map_panels(
     bar_high = min(3.0, high - above - 0.3)
     bar = figure.add_axes(((wide - _BAR + 0.15) / wide, (high - above - 0.15 - bar_high) / high,
                            0.13 / wide, bar_high / high))  # fmt: skip
-    norm, label = colours
     figure.colorbar(ScalarMappable(norm, "viridis"), cax=bar, label=label)
     bar.tick_params(labelsize=_SIZE)
     return figure, axes

@@ -127,8 +127,8 @@ def opening_envelope(dataset: xr.Dataset, system: DisplayUnits = SI) -> Figure |
     norm = Normalize(min(0.0, float(of_names.min())), float(of_names.max()))
     titles = {name: f"{name}\n{float(peaks.values[gaps].max()):.3g} {unit}" for name, gaps in chosen.items()}
     figure, axes = map_panels(
-        planes, titles, (norm, f"largest opening [{unit}]"),
-        unit=length, width=_BROADEST, highest=_HIGHEST, above=_HEADING,
+        planes, titles, norm,
+        label=f"largest opening [{unit}]", unit=length, width=_BROADEST, highest=_HIGHEST, above=_HEADING,
     )  # fmt: skip
     for name, ax in axes.items():
         x, y, values = planes[name].across, planes[name].up, peaks.values[chosen[name]]

@@ -35,8 +35,8 @@ def opening_map(envelopes: xr.Dataset) -> Figure | None:
     planes = {name: plane_of(envelopes.gap_position.values[gaps]) for name, gaps in chosen.items()}
     norm = Normalize(min(0.0, float(peaks.min())), float(peaks.max()))
     figure, axes = map_panels(
-        planes, {name: name for name in names}, (norm, f"largest opening [{unit}]"),
-        unit="m", width=WIDTH, highest=_HIGHEST,
+        planes, {name: name for name in names}, norm,
+        label=f"largest opening [{unit}]", unit="m", width=WIDTH, highest=_HIGHEST,
     )  # fmt: skip
     for name, ax in axes.items():
         across, up = planes[name].across, planes[name].up
