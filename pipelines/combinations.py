@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +13,13 @@ from romdam.config.sections.combinations import CombinationConfig
 from romdam.config.variants import changed_job
 from romdam.core.errors import ConfigError, ConvergenceError, NoEquilibriumError
 from romdam.core.files import prepare_folder
+from romdam.error.statement import opening_errors
 from romdam.pipelines.jobs import load_config, looked_up
 from romdam.pipelines.run import Stage, run, silent
 from romdam.pipelines.stability import job_after, motion_at_rest
 from romdam.postprocess.combinations import HEAD, SATISFIED, Margin, Requirement
 from romdam.postprocess.stability import NO_EQUILIBRIUM, NOT_FOUND
+from romdam.postprocess.stated_errors import total_text
 from romdam.results.fields import open_result
 from romdam.results.table import write_csv
 from romdam.visual.report.combinations import write_combinations
@@ -33,10 +36,12 @@ class Combined:
     ----------
     margins : in the order of the file
     failures : combination, and record -> message
+    statements : combination, record and what a result says of itself: its stated error, and each warning
     """
 
     margins: tuple[Margin, ...]
     failures: dict[str, str]
+    statements: tuple[tuple[str, str, str], ...]
     paths: tuple[Path, ...]
 
     @property
@@ -76,7 +81,7 @@ def assess_combinations(
     jobs = combination_jobs(job)
     folder = prepare_folder(Path(out))
     margins, failures = dict[str, list[Margin]](), dict[str, str]()
-    results = dict[str, list[Path]]()
+    results, statements = dict[str, list[Path]](), list[tuple[str, str, str]]()
     # earthquakes first: what they leave is where others begin
     for name in sorted(asked, key=lambda one: asked[one].situation != "earthquake"):
         one, required = asked[name], _requirement(name, asked[name])
@@ -84,6 +89,7 @@ def assess_combinations(
             results[name], failed = _shaken(jobs[name], folder / name, show, cache)
             failures |= {f"{name}, {record}": text for record, text in failed.items()}
             margins[name] = _of_records(results[name], failed, required)
+            statements += [line for path in results[name] for line in _statements(name, path)]
         elif one.after is None:
             margins[name] = _at_rest(jobs[name], _NO_MOTION, required, show, failures)
         else:
@@ -100,9 +106,9 @@ def assess_combinations(
     table = write_csv(HEAD, [margin.row for margin in every], stem.with_suffix(".csv"))
     changes = {name: one.changes for name, one in asked.items()}
     page = write_combinations(
-        job.config.title or job.stem, every, changes, failures, stem.with_suffix(".html")
+        job.config.title or job.stem, every, changes, failures, statements, stem.with_suffix(".html")
     )
-    return Combined(every, failures, (table, page))
+    return Combined(every, failures, tuple(statements), (table, page))
 
 
 def combination_jobs(job: Job) -> dict[str, Job]:
@@ -177,6 +183,15 @@ def _shaken(job: Job, folder: Path, show: Stage, cache: Path | None) -> tuple[li
     except ConvergenceError as error:  # of a lone record
         return [], {"all records": str(error)}
     return list(outcome.paths), dict(outcome.failures)
+
+
+def _statements(combination: str, path: Path) -> list[tuple[str, str, str]]:
+    """The stated error of the openings of a result, and its warnings."""
+    with open_result(path) as opened:
+        attrs = opened.dataset.attrs
+    error = total_text(opening_errors(attrs))
+    said = [f"stated error of the openings in L2, at most: {error}", *json.loads(attrs["run_warnings"])]
+    return [(combination, str(attrs["record"]), text) for text in said]
 
 
 def _of_records(paths: Sequence[Path], failed: Collection[str], required: Requirement) -> list[Margin]:

@@ -199,5 +199,10 @@ def job_after(
     changes: dict[str, object] = _AT_REST | {"transient": transient}
     if job.config.model.order == "reduced":
         changes["model"] = {"modes": _MODES}
-    changes |= dict(sample or {})
+    sustained = {  # what the record adds has another modulus, a state at rest has none of it
+        f"materials.{name}.E_dynamic": None
+        for name, material in job.config.materials.items()
+        if material.E_dynamic is not None
+    }
+    changes |= sustained | dict(sample or {})
     return looked_up(changed_job(job, changes | asked.changes | state, stands_at, left_out=left_out))

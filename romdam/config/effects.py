@@ -93,7 +93,7 @@ EFFECTS = {
     "moduli by duration": EffectEntry(
         "materials.<name>.E_dynamic",
         lambda config: any(one.E_dynamic not in (None, one.E) for one in config.materials.values()),
-        frozenset({"linear stage"}),
+        frozenset({"linear stage", "rest"}),
         "apart",
     ),
     "temperature": _known("loads.temperature", lambda config: bool(config.loads.temperature), linear=True),

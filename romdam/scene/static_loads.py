@@ -11,7 +11,7 @@ from romdam.config.sections.places import BlockFace
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError, Faults
 from romdam.core.scene import Block, PointForce
-from romdam.fem.loads import force_below
+from romdam.geometry.pressed_facets import force_below
 from romdam.scene.points import point_weights
 from romdam.scene.reservoir.build import refuse_level
 from romdam.scene.select import refuse_selected_twice, select_facets

@@ -318,7 +318,7 @@ def test_what_has_no_two_moduli_is_refused_by_the_key():
         raw, r"E_dynamic: concrete hardens while stages", construction=[{"name": "all", "pour": ["column"]}]
     )
     config = parse_config(raw, "job.yaml")
-    for computation in ("deck", "matrices", "rest", "certificate"):
+    for computation in ("deck", "matrices", "certificate"):
         with pytest.raises(ConfigError, match=r"materials.<name>.E_dynamic: moduli by duration is not"):
             refuse_unknown_effects(config, computation, "job.yaml")
 

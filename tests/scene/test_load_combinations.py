@@ -1,6 +1,9 @@
 """`romdam combinations`: a gravity dam in four combinations, its factors by hand."""
 
+import contextlib
 import csv
+import html
+import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +16,7 @@ from test_cli import call
 
 import romdam
 from romdam.core.errors import ConfigError, ConvergenceError
+from romdam.error.statement import opening_errors
 from romdam.pipelines import combinations as pipeline
 from romdam.pipelines.combinations import assess_combinations
 from romdam.postprocess import combinations
@@ -128,6 +132,40 @@ def test_factors_of_four_combinations_by_hand(folder: Path):
     ]
     page = (folder / "out" / "dam-combinations.html").read_text()
     assert all(name in page for name in COMBINATIONS) and "joints.base.friction" in page
+    # what the result of the earthquake says of itself stands beside the verdicts
+    said = [text for _, _, text in assessed.statements]
+    assert {(one, record) for one, record, _ in assessed.statements} == {("earthquake", "shake")}
+    assert not opening_errors(shaken.attrs)  # the job asks for none
+    assert said[0] == "stated error of the openings in L2, at most: unknown"
+    assert said[1:] == json.loads(shaken.attrs["run_warnings"])
+    assert all(text in html.unescape(page) for text in said)
+
+
+def test_the_error_that_a_result_states_is_told(tmp_path: Path):
+    """Mesh 3 %, modes 0.5 % and steps 0.7 % are 4.2 % at most."""
+    attrs = {"record": "r", "run_warnings": '["it slides on"]', "record_dt": 0.01}
+    errors = {"mesh": 0.03, "modes": 0.005, "steps": 0.007}
+    with pytest.MonkeyPatch.context() as patch:
+        opened = SimpleNamespace(dataset=SimpleNamespace(attrs=attrs))
+        patch.setattr(pipeline, "open_result", lambda _: contextlib.nullcontext(opened))
+        patch.setattr(pipeline, "opening_errors", lambda _: errors)
+        said = pipeline._statements("quake", tmp_path)
+    assert said == [
+        ("quake", "r", "stated error of the openings in L2, at most: 4.2 %"),
+        ("quake", "r", "it slides on"),
+    ]
+
+
+def test_two_moduli_rest_after_the_earthquake_by_the_sustained_one(folder: Path):
+    """The factors of a state at rest do not depend on E, and its joints remember the shaking."""
+    raw = job(combinations={name: COMBINATIONS[name] for name in ("usual", "earthquake", "after")})
+    raw["materials"]["concrete"]["E_dynamic"] = "32 GPa"
+    (folder / "two.yaml").write_text(yaml.safe_dump(raw, sort_keys=False))
+    assessed = assess_combinations(folder / "two.yaml", folder / "two")
+    factors = {one.combination: one.value for one in assessed.margins if one.criterion == "factor of safety"}
+    usual = (MU * (WEIGHT - uplift(USUAL, True)) + COHESION * WIDTH * BASE) / push(USUAL)
+    assert factors["usual"] == pytest.approx(usual, rel=1e-3)
+    assert factors["after"] == pytest.approx(0.6 * (WEIGHT - uplift(USUAL, False)) / push(USUAL), rel=1e-3)
 
 
 def test_an_anchor_presses_the_dam_on_its_base(folder: Path):

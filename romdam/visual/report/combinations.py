@@ -13,12 +13,15 @@ from romdam.postprocess.combinations import HEAD, NOT_SATISFIED, SATISFIED, Marg
 from romdam.visual.report.page import page
 from romdam.visual.report.parts import Fact, PageSection, PageTable, Report, number
 
+_DIGITS = 4  # of values and margins: 1.502 meets 1.5
+
 
 def write_combinations(
     title: str,
     margins: Sequence[Margin],
     changes: Mapping[str, Mapping[str, Any]],
     failures: Mapping[str, str],
+    statements: Sequence[tuple[str, str, str]],
     path: Path,
 ) -> Path:
     """Write the page, whole or not at all.
@@ -27,6 +30,7 @@ def write_combinations(
     ----------
     changes : combination -> dotted path -> value
     failures : combination and record -> message
+    statements : combination, record, and what the result says of itself
 
     Raises
     ------
@@ -45,9 +49,9 @@ def write_combinations(
             "–" if worst is None else worst.situation,
             "–" if worst is None else worst.of,
             "–" if worst is None else worst.criterion,
-            "–" if worst is None else number(worst.value),
+            "–" if worst is None else number(worst.value, _DIGITS),
             "–" if worst is None else number(worst.required),
-            "–" if worst is None else number(worst.margin),
+            "–" if worst is None else number(worst.margin, _DIGITS),
             NOT_SATISFIED if worst is None else worst.verdict,
         )
         for name, worst in least.items()
@@ -61,6 +65,11 @@ def write_combinations(
             "margins",
             "Every margin",
             [PageTable(list(HEAD), [one.row for one in margins], label="Margins", sortable=True)],
+        ),
+        PageSection(
+            "statements",
+            "What the results say of themselves",
+            [PageTable(["combination", "record", "stated error, warnings"], statements, label="Statements")],
         ),
         PageSection(
             "changes",
