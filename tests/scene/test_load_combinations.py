@@ -189,6 +189,9 @@ def test_what_could_not_be_judged_is_not_satisfied(folder: Path, monkeypatch):
     assessed = assess_combinations(smooth, folder / "smooth")
     assert [one.verdict for one in assessed.margins] == ["no joint carries shear"] and not assessed.satisfied
     asked = combinations.Requirement("quake", "earthquake", None, None, 2e6, None)
+    verdicts = [asked._of_face("r", "f", value, ring).verdict for value, ring in
+                ((1.9e6, 49.0), (1.9e6, 51.0), (2.1e6, 51.0))]  # fmt: skip
+    assert verdicts == ["satisfied", "undecided: the ring leaves out most of the face", "not satisfied"]
     assert asked._most("r", "dam.ymin", "tension [MPa]", np.nan, 2.0).verdict == "not found"
 
     def fails(*_: Any, **__: Any) -> Any:
@@ -215,7 +218,7 @@ def test_margins_in_an_earthquake_are_of_the_joints_asked_for_and_of_the_largest
     """The largest of a gap, not the mean of the joint; nothing of joints that are not named."""
     joints = [
         SimpleNamespace(joint=name, factor=factor, largest_slip=most, residual_slip=0.5 * most)
-        for name, factor, most in (("base", 1.2, 0.03), ("lift", 0.8, 0.09))
+        for name, factor, most in (("base", 1.2, 0.03), ("lift", 1.0, 0.09))
     ]
     monkeypatch.setattr(combinations, "sliding", lambda dataset: joints)
     dataset: Any = None
@@ -224,7 +227,7 @@ def test_margins_in_an_earthquake_are_of_the_joints_asked_for_and_of_the_largest
     assert rows == [
         ("base", 1.2, 1.2, "satisfied"),
         ("base", 30.0, 2.0, "satisfied"),
-        ("lift", 0.8, 0.8, "not satisfied"),
+        ("lift", 1.0, 1.0, "slides"),
         ("lift", 90.0, pytest.approx(60.0 / 90.0), "not satisfied"),
     ]
     of_base = replace(asked, joints=("base",)).shaken(dataset, "r")
