@@ -129,7 +129,7 @@ def step_warnings(job: Job, motion: GroundMotion) -> Iterator[str]:
             yield (
                 f"transient.finest_step: {dt:g} s is longer than the record's {motion.dt:g} s, it is smoothed"
             )
-        elif dt > 1.0 / (_STEPS * content):
+        elif motion.acc.any() and dt > 1.0 / (_STEPS * content):
             yield (
                 f"transient.finest_step: {dt:g} s makes {1.0 / (dt * content):.2g} steps of a period at "
                 f"{content:.3g} Hz, below which lies {_CONTENT:.0%} of its power; {_STEPS:g} are usual"

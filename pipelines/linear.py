@@ -240,10 +240,10 @@ def build_linear_model(job: Job, scene: Scene, clock: Clock, store: BlockStore |
 
 def _as_hysteretic(scene: Scene, job: Job) -> tuple[Scene, DampingConfig]:
     """The scene and its damping whose matrix C is K_h = sum_b 2 xi_b K_b, for the ratios of a job."""
-    every, own = hysteretic_ratios(job.config)
+    every, of_materials = hysteretic_ratios(job.config)
     materials, blocks = block_materials(job.config), dict[str, Block]()
     for name, block in scene.blocks.items():
-        ratio = own.get(materials[name])
+        ratio = of_materials.get(materials[name])
         blocks[name] = replace(
             block, material=replace(block.material, damping=None if ratio is None else (0.0, 2.0 * ratio))
         )

@@ -179,8 +179,8 @@ def _applied(
         how, evidence = "not included", ""
     else:
         words = [text for by in row.by if (text := by.partition(": ")[2])]
-        found = next((sentence for sentence in said if any(text in sentence for text in words)), None)
-        if found is None:
+        matched = next((sentence for sentence in said if any(text in sentence for text in words)), None)
+        if matched is None:
             return None
-        how, evidence = "said", found
+        how, evidence = "said", matched
     return AppliedApproximation(row.name, row.changes.replace("`", ""), how, evidence, error)

@@ -15,7 +15,7 @@ from romdam import terminal
 from romdam.core.errors import ConfigError
 from romdam.pipelines.check import CheckedJob
 from romdam.terminal import tables
-from romdam.terminal.lines import info_lines
+from romdam.terminal.lines import info_lines, mesh_lines
 
 
 def console(is_terminal: bool) -> Console:
@@ -209,3 +209,11 @@ def dataset_of():
         return xr.Dataset(attrs=told | attrs)
 
     return made
+
+
+def test_errors_of_a_mesh_above_a_hundred_per_cent_have_no_exponent():
+    """170 %, not 1.7e+02 %; columns stay in place."""
+    error = {"acceleration": {"l2": 1.7, "peak": 0.69}, "opening": {"l2": 0.073, "peak": 0.0221}}
+    lines = mesh_lines({"statement": "s", "error": error, "not_resolved": ["acceleration"]})
+    assert lines[2].startswith("acceleration           170 %     69 %") and "not resolved" in lines[2]
+    assert lines[3].startswith("opening                7.3 %    2.2 %")

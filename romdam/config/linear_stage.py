@@ -67,10 +67,10 @@ def hysteretic_ratios(config: Sections) -> tuple[float, dict[str, float]]:
     asked = "linear_stage.damping: hysteretic takes the ratio of each material"
     if isinstance(modal, tuple) and len({*modal}) > 1:
         raise ValueError(f"{asked}, and damping.modal has {len({*modal})}, limit 1; give damping.rayleigh")
-    own = {name: one.damping for name, one in config.materials.items() if one.damping is not None}
+    of_materials = {name: one.damping for name, one in config.materials.items() if one.damping is not None}
     for key, damping in [
         ("damping.rayleigh", rayleigh),
-        *((f"materials.{n}.damping", d) for n, d in own.items()),
+        *((f"materials.{n}.damping", d) for n, d in of_materials.items()),
     ]:
         if damping is not None and damping.ratio is None and damping.acts:
             raise ValueError(f"{asked}, and {key} has `alpha` and `beta`; give `ratio` and `frequencies`")
@@ -83,4 +83,4 @@ def hysteretic_ratios(config: Sections) -> tuple[float, dict[str, float]]:
         every = modal[0] if isinstance(modal, tuple) else modal
     else:
         every = 0.0 if rayleigh is None else rayleigh.ratio or 0.0
-    return every, {name: damping.ratio or 0.0 for name, damping in own.items()}
+    return every, {name: damping.ratio or 0.0 for name, damping in of_materials.items()}

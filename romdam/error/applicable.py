@@ -125,8 +125,8 @@ def _works(module: str, config: Config, integrator: str) -> bool:
     if module.startswith(_INTEGRATORS):
         return module.removeprefix(_INTEGRATORS) == integrator
     if module.startswith(_LAWS):
-        own = f"romdam.{module}"
+        module_of_law = f"romdam.{module}"
         laws = {law.__module__ for joint in config.every_joint.values() for law in joint.every_law}
-        return own in laws
+        return module_of_law in laws
     known = [start for start in NEEDS if module == start or module.startswith(f"{start}.")]
     return NEEDS[max(known, key=len)](config) if known else True

@@ -143,10 +143,10 @@ def quantity_errors(attributes: Mapping[str, object]) -> dict[Kind, dict[str, tu
     stated: dict[Kind, dict[str, tuple[float, float]]] = {}
     for kind, names in _NAMES.items():
         start, end = f"{names.numbers}_", "_l2"
-        found = [
+        quantities = [
             key[len(start) : -len(end)] for key in attributes if key.startswith(start) and key.endswith(end)
         ]
-        both = {name: tuple(f"{start}{name}_{norm}" for norm in ("l2", "peak")) for name in found}
+        both = {name: tuple(f"{start}{name}_{norm}" for norm in ("l2", "peak")) for name in quantities}
         stated[kind] = {
             name: (float(str(attributes[l2])), float(str(attributes.get(peak, "nan"))))
             for name, (l2, peak) in both.items()

@@ -20,6 +20,7 @@ from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.system import History
 from romdam.core.version import SOURCE
 from romdam.error.comparison import Comparison
+from romdam.postprocess.stated_errors import percent
 from romdam.postprocess.variant_tables import markdown_table
 
 WANTED_ERRORS = (0.1, 0.05, 0.02, 0.01, 0.005)  # for which the cheapest setting is named
@@ -240,7 +241,7 @@ def study_table(dataset: xr.Dataset) -> str:
             short.append([f"{100 * wanted:g} %", "none of these", "", "", ""])
         else:
             cpu = (f"{dataset[name].values[i]:.3g}" for name in ("total_cpu_seconds", "cpu_seconds"))
-            error = f"{100 * dataset.l2_error.values[i]:.2g} %"
+            error = percent(float(dataset.l2_error.values[i]))
             short.append([f"{100 * wanted:g} %", str(dataset.setting.values[i]), *cpu, error])
     attrs = dataset.attrs
     head = f"{attrs['title']}\n{attrs['compared']}\n{attrs['machine']}; {SOURCE}\n"

@@ -159,8 +159,8 @@ def build():
     ops.rayleigh(ALPHA, 0.0, BETA, 0.0)  # of the initial stiffness, which bricks keep: half the time
     for block, (*_, alpha, beta) in BLOCKS.items():  # of materials with damping of their own
         if (alpha, beta) != (ALPHA, BETA):
-            own = [tag for tag, row in enumerate(cells, 1) if int(row["block"]) == block]
-            ops.region(block, "-eleOnly", *own, "-rayleigh", alpha, 0.0, beta, 0.0)
+            elements = [tag for tag, row in enumerate(cells, 1) if int(row["block"]) == block]
+            ops.region(block, "-eleOnly", *elements, "-rayleigh", alpha, 0.0, beta, 0.0)
     with open(HERE / "frequencies.csv", "w") as file:
         file.write("mode,frequency [Hz]\\n")
         for mode, value in enumerate(ops.eigen(MODES), 1):

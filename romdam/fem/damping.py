@@ -60,13 +60,13 @@ def further_damping(
     further = boundary_dashpots(block) if block.absorbing and dashpots else None
     brought = block.matrices
     if brought is not None and brought.C is not None:
-        own = brought.C - alpha * brought.M - beta * brought.K
+        instead = brought.C - alpha * brought.M - beta * brought.K
     elif (of_material := material_coefficients(block, rayleigh)) != (alpha, beta):
         K, M = assemble(block)
-        own = (of_material[0] - alpha) * M + (of_material[1] - beta) * K
+        instead = (of_material[0] - alpha) * M + (of_material[1] - beta) * K
     else:
         return further
-    return csr_matrix(own if further is None else own + further)
+    return csr_matrix(instead if further is None else instead + further)
 
 
 def further_drag(block: Block, rayleigh: RayleighConfig | None) -> float:
@@ -127,8 +127,9 @@ def damping_coupling(C: Floats) -> float:
 
     It is zero where the damping is classical: modes of the damped structure are those of the undamped one.
     """
-    own = C.diagonal()
-    others, mean = np.abs(C - np.diag(own)), np.sqrt(np.maximum(np.outer(own, own), 0.0))
+    diagonal = C.diagonal()
+    others = np.abs(C - np.diag(diagonal))
+    mean = np.sqrt(np.maximum(np.outer(diagonal, diagonal), 0.0))
     return float(np.divide(others, mean, out=np.zeros_like(others), where=mean > 0.0).max(initial=0.0))
 
 

@@ -207,3 +207,22 @@ def below(triangle: Floats, above: Floats) -> list[Floats]:
         if a * b < 0.0:
             ring.append(triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]))
     return [np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)]
+
+
+@cache
+def small_triangles(name: str, cuts: int) -> tuple[Floats, Floats]:
+    """Triangles (t, 3, 2) that fill a reference facet, and its functions at their corners (t, 3, n).
+
+    Parameters
+    ----------
+    cuts : parts of each of the facet's edges
+    """
+    element = ELEMENTS[name]
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(cuts), np.arange(cuts), indexing="ij"))
+    lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
+    upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
+    if element.box:
+        triangles = 2.0 * np.vstack([lower, upper]) / cuts - 1.0
+    else:
+        triangles = np.vstack([lower[i + j < cuts], upper[i + j < cuts - 1]]) / cuts
+    return triangles, element.shape(triangles.reshape(-1, 2)).reshape(len(triangles), 3, -1)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 
 from romdam.core.arrays import Floats, Ints
-from romdam.geometry.elements import ELEMENTS, Rule, facet_element, simplex_rule
-from romdam.geometry.facets import area_elements, below
+from romdam.geometry.elements import Rule, facet_element, simplex_rule
+from romdam.geometry.facets import area_elements, below, small_triangles
 from romdam.geometry.meshes.kinds import facets_by_kind
 
 _CUTS = 6  # parts of an edge of a facet that the level cuts
@@ -33,7 +32,7 @@ def force_below(points: Floats, facets: Ints, level: float, pressure: Callable[[
         for facet in of_kind[(top > level) & (bottom < level)]:
             # points and weights on the part below the level: the facet is cut into small triangles, and the
             # water's edge is taken as straight in each of them
-            triangles, shape = _small_triangles(element.name)
+            triangles, shape = small_triangles(element.name, _CUTS)
             height = shape @ points[facet][:, 2] - level
             wet = [*triangles[(height <= 0.0).all(axis=1)]]
             for k in np.flatnonzero((height < 0.0).any(axis=1) & (height > 0.0).any(axis=1)):
@@ -55,18 +54,3 @@ def _pressed(
     shape, normal = element.shape(xi), area_elements(points, facets, xi)
     depth = np.maximum(level - points[facets][..., 2] @ shape.T, 0.0)
     return np.einsum("q,fq,qj,fqk->fjk", weight, pressure(depth), shape, normal, optimize=True)
-
-
-@cache
-def _small_triangles(name: str) -> tuple[Floats, Floats]:
-    """Triangles (t, 3, 2) that fill a reference facet, and its functions at their corners (t, 3, n)."""
-    element = ELEMENTS[name]
-    n = _CUTS
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
-    upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
-    if element.box:
-        triangles = 2.0 * np.vstack([lower, upper]) / n - 1.0
-    else:
-        triangles = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-    return triangles, element.shape(triangles.reshape(-1, 2)).reshape(len(triangles), 3, -1)

@@ -25,6 +25,7 @@ from scipy.linalg import solve_banded
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.system import StepMotion
+from romdam.postprocess.stated_errors import percent
 from romdam.records.spectra import response_spectra
 
 LEAST = 0.01  # of the largest ordinate of a place at a frequency, by which a direction with less is measured
@@ -223,4 +224,4 @@ def concerns(spectra: FloorSpectra) -> list[str]:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:.2g} %"
+    return percent(value)

@@ -29,7 +29,7 @@ def spectra_over_runs(summary: xr.Dataset) -> xr.Dataset:
     values = values.dropna("run", how="all")
     dims = ("scale", "floor_place", "component", "floor_damping", "floor_frequency")
     values = values.transpose("run", *dims)
-    found = np.full((len(STATISTICS), *values.shape[1:]), np.nan)
+    quantiles = np.full((len(STATISTICS), *values.shape[1:]), np.nan)
     weights = weights_of(values)
     for k in range(values.sizes["scale"]):  # of a run all values are there, or none
         there = np.isfinite(values.values[:, k]).reshape(values.sizes["run"], -1).all(axis=1)
@@ -40,9 +40,9 @@ def spectra_over_runs(summary: xr.Dataset) -> xr.Dataset:
                 list(STATISTICS.values()),
                 None if weights is None else weights[there],
             )
-            found[:, k] = of_scale
+            quantiles[:, k] = of_scale
     kept = {name: summary.coords[name] for name in dims if name in summary.coords}
-    over = xr.DataArray(found, dims=("statistic", *dims), coords=kept | {"statistic": list(STATISTICS)})
+    over = xr.DataArray(quantiles, dims=("statistic", *dims), coords=kept | {"statistic": list(STATISTICS)})
     combined = xr.Dataset({"floor_spectrum": over.assign_attrs(summary.floor_spectrum.attrs)})
     combined.attrs["runs"] = int(values.sizes["run"])
     outputs = json.loads(str(summary.attrs.get("configuration", "{}"))).get("outputs", {})

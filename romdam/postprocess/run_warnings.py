@@ -11,6 +11,7 @@ import numpy as np
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
 from romdam.core.system import OPEN, History
+from romdam.postprocess.stated_errors import percent
 from romdam.records.processing.sequence import members_of
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
     sentences = []
     if not stats.get("ledger_imbalance", 0.0) <= LEDGER_LIMIT:
         sentences.append(
-            f"the energy ledger is open by {100 * stats['ledger_imbalance']:.2g} % of the energy exchanged, "
+            f"the energy ledger is open by {percent(stats['ledger_imbalance'])} of the energy exchanged, "
             f"limit {100 * LEDGER_LIMIT:g} %: the run is not to be trusted; try a finer "
             "transient.finest_step, or integrator adaptive"
         )
@@ -47,7 +48,7 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
         )
     elif "accuracy" in stats and not reached <= stats["accuracy"]:
         sentences.append(
-            f"the time-stepping error is about {100 * reached:.2g} %, wanted was "
+            f"the time-stepping error is about {percent(reached)}, wanted was "
             f"{100 * stats['accuracy']:g} %: not reached at the finest step allowed, "
             f"{stats['finest_step']:.3g} s; state the error, or give transient.finest_step a finer step"
         )
@@ -55,7 +56,7 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
         wanted, found = stats.get(f"accuracy_{name}"), stats.get(f"estimated_time_error_{name}")
         if wanted is not None and found is not None and not found <= wanted:
             sentences.append(
-                f"the steps change the {name.replace('_', ' ')} by about {100 * found:.2g} %, wanted was "
+                f"the steps change the {name.replace('_', ' ')} by about {percent(found)}, wanted was "
                 f"{100 * wanted:g} %: not reached at the finest step allowed, {stats['finest_step']:.3g} s"
             )
     if not stats.get("quasi_static_mass", 0.0) <= _MASS:
@@ -66,7 +67,7 @@ def run_warnings(stats: Mapping[str, float]) -> list[str]:
         )
     if "accuracy" not in stats and not stats.get("estimated_time_error", 0.0) <= _ROUGH:
         sentences.append(
-            f"the steps change the openings by about {100 * stats['estimated_time_error']:.2g} % in L2, as "
+            f"the steps change the openings by about {percent(stats['estimated_time_error'])} in L2, as "
             f"other steps show: take a finer transient.finest_step than {stats['finest_step']:.3g} s, or "
             "transient.accuracy; if a finer step does not help, the history is chaotic: trust the peaks only"
         )

@@ -16,7 +16,7 @@ def case_warnings(case: Case, job: Job) -> list[str]:
         *unrest_warnings(case.motion, case.history),
         *far_warnings(case.scene, case.history),
         *crack_warnings(job.config.loads.joint_water, case.scene, case.history),
-        *(sliding_warnings(case) if case.motion.acc.any() else ()),  # a ground at rest shakes nothing
+        *sliding_warnings(case),
         *attached_warnings(case),
         *case.history.warnings,
     ]

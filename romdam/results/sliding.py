@@ -9,6 +9,7 @@ from romdam.postprocess.sliding import REST, safety_factor
 from romdam.results.case import Array, Case, Variable
 
 _RESTS = 0.05  # of the residual slip: less motion about that mean, and a joint rests
+_NO_SLIP = 1e-9  # [m] of motion about the mean, which is round-off of a state at rest
 
 
 def _strength(case: Case) -> Array:
@@ -59,7 +60,7 @@ def sliding_warnings(case: Case) -> list[str]:
     for number, (name, joint) in enumerate(case.scene.joints.items()):
         gaps = slice(first, first := first + len(joint.area))
         slides = (case.history.state[last, gaps] == SLIP).any()
-        if slides and farthest[number] > _RESTS * residual[number]:
+        if slides and farthest[number] > max(_RESTS * residual[number], _NO_SLIP):
             size = 1e3 * np.linalg.norm(slip[:, number], axis=1)
             sentences.append(
                 f"joint {name} still slides in the last {REST:g} s of the run: its slip there is "

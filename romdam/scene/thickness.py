@@ -15,6 +15,7 @@ import numpy as np
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
 from romdam.geometry.elements import facet_element
+from romdam.geometry.facets import small_triangles
 from romdam.geometry.meshes.kinds import facets_by_kind
 
 _CUTS = {True: 4, False: 2}  # parts of an edge of a curved facet, and of one with straight edges
@@ -135,14 +136,6 @@ def _triangles(points: Floats, facets: Ints) -> Floats:
     parts = [np.zeros((0, 3, 3))]
     for _, rows, _ in facets_by_kind(facets):
         element = facet_element(rows)
-        n = _CUTS[len(element.nodes) > element.corners]
-        i, j = (k.ravel() for k in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-        lower = np.stack([np.c_[i, j], np.c_[i + 1, j], np.c_[i, j + 1]], axis=1)
-        upper = np.stack([np.c_[i + 1, j], np.c_[i + 1, j + 1], np.c_[i, j + 1]], axis=1)
-        if element.box:
-            xi = 2.0 * np.vstack([lower, upper]) / n - 1.0
-        else:
-            xi = np.vstack([lower[i + j < n], upper[i + j < n - 1]]) / n
-        shape = element.shape(xi.reshape(-1, 2))
-        parts.append(np.einsum("qa,fak->fqk", shape, points[rows]).reshape(-1, 3, 3))
+        _, shape = small_triangles(element.name, _CUTS[len(element.nodes) > element.corners])
+        parts.append(np.einsum("tca,fak->ftck", shape, points[rows]).reshape(-1, 3, 3))
     return np.concatenate(parts)

@@ -13,6 +13,7 @@ from romdam.core.machine import shown_size
 from romdam.core.printable import one_line
 from romdam.postprocess.checks import MISSED, verdict
 from romdam.postprocess.run_warnings import COUNTED, LEDGER_LIMIT
+from romdam.postprocess.stated_errors import percent
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -107,7 +108,7 @@ def suite_warning_lines(summary: xr.Dataset, wanted: float | None) -> list[str]:
         values = summary[name].values.ravel().tolist() if name in summary else []
         beyond = [verdict(value, limit) for value in values].count(MISSED)
         if beyond and limit is not None:
-            worst = f"{name} says which, {100 * float(summary[name].max()):.2g} % at most"
+            worst = f"{name} says which, {percent(float(summary[name].max()))} at most"
             lines.append(f"{beyond} of {summary[name].size} runs {text} {100 * limit:g} %; {worst}")
     for warned in json.loads(str(summary.attrs.get("run_warnings", "[]"))):
         if not warned["warning"].startswith(COUNTED):  # which the lines above count
@@ -142,12 +143,12 @@ def _error_lines(attrs: Mapping[str, object]) -> list[str]:
         mesh = "its error, often the largest, is not known; `romdam verify CONFIG --mesh finer` states it"
         return [*lines, f"mesh           {mesh}"]
     parts = opening_errors(attrs)  # in L2, of mesh, modes and steps, as far as they are known
-    each = ", ".join(f"{name} {100 * value:.2g} %" for name, value in parts.items())
+    each = ", ".join(f"{name} {percent(value)}" for name, value in parts.items())
     peaks = total_text(opening_errors(attrs, "peak"))
     total = f"of the openings in L2 at most {total_text(parts)}: {each}; of their peaks at most {peaks}"
     lines += [f"mesh           {mesh}", f"total          {total}"]
     tried = [
-        f"{entry['mesh']} {100 * entry['opening_error']:.2g} % ({entry['unknowns']} unknowns, "
+        f"{entry['mesh']} {percent(entry['opening_error'])} ({entry['unknowns']} unknowns, "
         f"{entry['gaps']} gaps, {entry['cpu_seconds']:.2g} s of CPU){', chosen' if entry['chosen'] else ''}"
         for entry in json.loads(str(attrs.get("discretisation", "{}"))).get("meshes", [])
     ]
@@ -161,10 +162,10 @@ def _time_error(attrs: Mapping[str, object]) -> str:
     estimate = float(str(attrs["solver_estimated_time_error"]))
     others = "".join(_other_error(attrs, name) for name in ("peaks", "slips", "residual_slips"))
     if "solver_accuracy" not in attrs:
-        return f"error about {100 * estimate:.2g} % of the openings in L2{others}, by a quarter of the step"
+        return f"error about {percent(estimate)} of the openings in L2{others}, by a quarter of the step"
     wanted = float(str(attrs["solver_accuracy"]))
     missed = ", NOT reached at the finest step allowed" * (verdict(estimate, wanted) == MISSED)
-    reached = f"error about {100 * estimate:.2g} % (wanted {100 * wanted:g} %{missed})"
+    reached = f"error about {percent(estimate)} (wanted {100 * wanted:g} %{missed})"
     return f"{reached}{others}, by refining the step"
 
 
@@ -174,7 +175,7 @@ def _other_error(attrs: Mapping[str, object], name: str) -> str:
     if key not in attrs:
         return ""
     asked = "" if wanted is None else f" (wanted {100 * float(str(wanted)):g} %)"
-    return f", {100 * float(str(attrs[key])):.2g} % of the {name.replace('_', ' ')}{asked}"
+    return f", {percent(float(str(attrs[key])))} of the {name.replace('_', ' ')}{asked}"
 
 
 def _of_the_run(dataset: xr.Dataset) -> str:
@@ -191,7 +192,7 @@ def _of_the_run(dataset: xr.Dataset) -> str:
         if "energy_numerical" in dataset:  # only their sum is never negative
             taken += float(dataset.energy_numerical[-1])
         if put_in > 0.0 and taken > _MUCH * put_in:
-            lines.append(f"time stepping took {100 * taken / put_in:.2g} % of the energy put in")
+            lines.append(f"time stepping took {percent(taken / put_in)} of the energy put in")
     return "; ".join(lines) or "not stated by the version that wrote it"
 
 
@@ -262,8 +263,8 @@ def mesh_lines(statement: Mapping[str, object]) -> list[str]:
         of_faces = {face: quantities[name] for face, quantities in faces.items() if name in quantities}
         places = error.get("joints", {}) or of_faces
         worst = max(places, key=lambda place: float(places[place]["l2"])) if len(places) > 1 else ""
-        remark = f"   {worst}, {100 * places[worst]['l2']:.2g} %" if worst else ""
-        numbers = "".join(f"{100 * error[measure]:>7.2g} %" for measure in ("l2", "peak"))
+        remark = f"   {worst}, {percent(places[worst]['l2'])}" if worst else ""
+        numbers = "".join(f"{percent(error[measure]):>9}" for measure in ("l2", "peak"))
         remark = "   not resolved by either mesh" if name in lost else remark
         lines.append(f"{name.replace('_', ' '):<19}{numbers}{remark}")
     return lines
@@ -290,11 +291,11 @@ def verification_lines(statement: Mapping[str, object]) -> list[str]:
         lines.append(
             f"peak stress    reduced {1e-6 * numbers['peak_principal_stress']:.3f} MPa, full order "
             f"{1e-6 * numbers['peak_principal_stress_full']:.3f} MPa; every node's envelope within "
-            f"{100 * numbers['principal_stress_worst_node_error']:.2g} % of that"
+            f"{percent(numbers['principal_stress_worst_node_error'])} of that"
         )
     for name in ("reduced", "full"):
         other = statement.get(f"{name}_against_reference")
         if isinstance(other, dict):
-            errors = f"peak {100 * other['peak_error']:.2g} %, L2 {100 * other['l2_error']:.2g} %"
+            errors = f"peak {percent(other['peak_error'])}, L2 {percent(other['l2_error'])}"
             lines.append(f"reference      {name}: {errors} over {other['seconds']:g} s")
     return lines

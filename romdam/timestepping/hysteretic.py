@@ -213,8 +213,8 @@ def _damping_power(system: System, q: Complex, omega: Floats, size: int) -> Floa
     force = 1j * (system.hysteretic @ q)
     force[:, _STILL] = 0.0
     taken = np.zeros(2 * size)
-    for of_unknown, own in zip(force, 1j * omega * q, strict=True):  # one at a time, for memory
-        taken += _upsampled(of_unknown, size) * _upsampled(own, size)
+    for of_unknown, rate in zip(force, 1j * omega * q, strict=True):  # one at a time, for memory
+        taken += _upsampled(of_unknown, size) * _upsampled(rate, size)
     return taken
 
 

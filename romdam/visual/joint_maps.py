@@ -122,8 +122,8 @@ def map_panels(
         left, bottom = 0.0, top - height + _BELOW
         for name in row:
             w, h = box[name]
-            place = ((left + _BESIDE) / wide, bottom / high, w / wide, h / high)
-            axes[name] = _panel(figure, place, planes[name], box[name] / scale, unit)
+            rectangle = ((left + _BESIDE) / wide, bottom / high, w / wide, h / high)
+            axes[name] = _panel(figure, rectangle, planes[name], box[name] / scale, unit)
             axes[name].set_title(titles[name], fontsize=_SIZE, loc="left", pad=3.0)
             for axis, inches in ((axes[name].xaxis, w), (axes[name].yaxis, h)):
                 bins = max(1, int(inches / _TICK))

@@ -46,6 +46,17 @@ def test_ice_pushes_along_its_thickness(make, element):
     assert moment == pytest.approx([-1.2e6 * 10.3, 0.0, 1.2e6 * 4.0], rel=1e-9, abs=1e-2)
 
 
+def test_a_wall_that_faces_another_way_is_pressed_as_much(make):
+    """The side of 2 m length, which faces +x."""
+    faces = [{"block": "wall", "face": "xmax"}]
+    silt = {"level": 7.3, "density": 900.0, "pressure_ratio": 0.45, "faces": faces}
+    force, _ = acting(make(wall("hex8", silt=[silt])))
+    assert force == pytest.approx([-0.45 * 900.0 * G * 7.3**2 / 2.0 * 2.0, 0.0, 0.0], rel=1e-9, abs=1e-3)
+    ice = {"level": "10.7 m", "thickness": "80 cm", "thrust": "150 kN/m", "faces": faces}
+    force, _ = acting(make(wall("hex8", ice=[ice])))
+    assert force == pytest.approx([-150e3 * 2.0, 0.0, 0.0], rel=1e-9, abs=1e-3)
+
+
 @pytest.mark.parametrize("element", ELEMENTS)
 def test_silt_presses_by_its_weight_under_water(make, element):
     """gamma 900 x 9.7 N/m3, K 0.45, 7.3 m deep before a wall of 8 m: K gamma h2 / 2, at a third of h."""

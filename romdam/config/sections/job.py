@@ -70,7 +70,7 @@ class RayleighConfig(Model):
     """Coefficient of the stiffness matrix."""
 
     @model_validator(mode="after")
-    def _one_form(self) -> Self:
+    def _ratio_or_coefficients(self) -> Self:
         by_ratio = self.frequencies is not None and self.ratio is not None
         by_coefficient = self.alpha is not None and self.beta is not None
         count = sum(v is not None for v in (self.frequencies, self.ratio, self.alpha, self.beta))
@@ -316,8 +316,8 @@ class Sections(Model):
     @property
     def damped(self) -> bool:
         """Tell whether the solids have damping, of the section `damping` or of a material."""
-        own = (material.damping for material in self.materials.values())
-        return self.damping.acts or any(damping is not None and damping.acts for damping in own)
+        of_materials = (material.damping for material in self.materials.values())
+        return self.damping.acts or any(damping is not None and damping.acts for damping in of_materials)
 
     @property
     def dam(self) -> ArchDamConfig | GravityDamConfig | None:
