@@ -10,7 +10,7 @@ from pathlib import Path
 from romdam.config.load import Job, Source, located, naming_lines
 from romdam.config.other_mesh import with_spacing
 from romdam.core.errors import ConvergenceError, Faults, RecordError, RomdamError, placed
-from romdam.core.motion import GroundMotion
+from romdam.core.motion import GroundMotion, MovingSupports
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.core.threads import one_thread
@@ -302,6 +302,7 @@ def _described(
         }
         for name, block in scene.blocks.items()
     }
+    moving = scene.find(MovingSupports)
     return CheckedJob(
         blocks=blocks,
         joints={
@@ -348,7 +349,7 @@ def _described(
                 "factor": motion.factor,
                 "record": None if motion.record is None else motion.record.name,
             }
-            for motion in (() if scene.moving is None else scene.moving.motions)
+            for motion in (() if moving is None else moving.motions)
         },
         bodies=tuple(extents_of_bodies(job.config, scene.blocks)),
         loads={

@@ -9,7 +9,7 @@ from dataclasses import replace
 from romdam.config.load import Job, line_named, with_lines
 from romdam.config.plausible import check_assumptions
 from romdam.core.motion import GroundMotion
-from romdam.core.scene import Scene
+from romdam.core.scene import FreeField, Scene
 from romdam.fem.damping import brings_damping, drag_of_matrix, joints_alone_hold
 from romdam.postprocess.incidence import incidence_statement
 from romdam.postprocess.record_measures import analysed_share
@@ -69,8 +69,9 @@ def log_scene_warnings(scene: Scene, job: Job) -> Job:
         log.warning("%s", line)
     if moduli := moduli_statement(scene):
         log.info("%s: %s", job.path, moduli)
-    if scene.free_field is not None and scene.free_field.inclined:
-        log.info("%s: ground.incidence: %s", job.path, incidence_statement(scene.free_field))
+    field = scene.find(FreeField)
+    if field is not None and field.inclined:
+        log.info("%s: ground.incidence: %s", job.path, incidence_statement(field))
     return job
 
 

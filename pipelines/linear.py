@@ -253,7 +253,7 @@ def _as_hysteretic(scene: Scene, job: Job) -> tuple[Scene, DampingConfig]:
 def _stress(scene: Scene, model: RunModel) -> dict[str, StressFields]:
     """Stress of the modes; what acted before the joints were grouted acted on the blocks of `scene` alone."""
     fields = stress_fields(model.scene, model.reduced_at_rest)
-    if not scene.staged_weight:
+    if not scene.loads.staged_weight:
         return fields
     if scene.sustained_ratios:
         raise ConfigError(

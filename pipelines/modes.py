@@ -10,6 +10,7 @@ from typing import Literal
 import xarray as xr
 
 from romdam.config.load import Job, Source, naming_lines, with_lines
+from romdam.core.attachment import Attachment
 from romdam.core.errors import ConfigError, ResultError, placed
 from romdam.core.files import prepare_folder
 from romdam.core.scene import Scene
@@ -138,7 +139,7 @@ def _with_joints(job: Job, scene: Scene, joints: Joints) -> Scene:
         log.warning("%s: initial gaps of up to %.3g mm are taken as closed", job.path, 1e3 * wide)
     if any(block.absorbing for block in scene.blocks.values()):
         log.warning("%s: modes are undamped: the dashpots of the viscous boundary are left out", job.path)
-    dashpots = sorted({one.effect for one in scene.attachments if one.damping.any()})
+    dashpots = sorted({one.effect for one in scene.every(Attachment) if one.damping.any()})
     if dashpots:
         whose = ", ".join(dashpots)
         log.warning("%s: modes are undamped: the dashpots of %s are left out", job.path, whose)

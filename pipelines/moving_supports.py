@@ -9,7 +9,7 @@ from romdam.config.load import Job
 from romdam.config.sections.motion_along import StationConfig
 from romdam.config.sections.supports import SupportMotionConfig
 from romdam.core.errors import ConfigError
-from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
 from romdam.core.scene import Scene
 from romdam.records.processing.support_motions import refuse_drift
 from romdam.records.record_set import load_motions
@@ -25,10 +25,11 @@ def scene_of(job: Job) -> Scene:
         for bad input, several records of one support, and one whose displacement drifts.
     """
     scene = build_scene(job.config, job.folder, str(job.path))
-    if scene.moving is None:
+    moving = scene.find(MovingSupports)
+    if moving is None:
         return scene
     motions = []
-    for motion in scene.moving.motions:
+    for motion in moving.motions:
         entry: SupportMotionConfig | StationConfig | None = (
             job.config.supports[motion.support].motion if motion.station is None else _station(job, motion)
         )
@@ -43,7 +44,7 @@ def scene_of(job: Job) -> Scene:
         motion = replace(motion, record=records[0])
         refuse_drift(still, [motion], location)
         motions.append(motion)
-    return replace(scene, moving=replace(scene.moving, motions=tuple(motions)))
+    return scene.with_effects(replace(moving, motions=tuple(motions)))
 
 
 def _station(job: Job, motion: SupportMotion) -> StationConfig | None:

@@ -25,6 +25,7 @@ from romdam.config.effects import refuse_unknown_effects
 from romdam.config.load import Job, parse_config
 from romdam.config.parameters import vary
 from romdam.core.errors import ConfigError, ResultError, quote
+from romdam.core.final_state import InitialState
 from romdam.core.fingerprint import code_digest
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
@@ -147,7 +148,8 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
 
 def _refuse_going_on(job: Job, scene: Scene) -> None:
     """Raise where the run began in the motion in which another one ended."""
-    if scene.initial is not None and scene.initial.going_on is not None:
+    initial = scene.find(InitialState)
+    if initial is not None and initial.going_on is not None:
         raise ConfigError(
             f"{job.path}: loads.initial_state.result: the run goes on from the motion in which another one "
             "ended, which is known in that run's modes, and neither the mesh nor the finer model of a "

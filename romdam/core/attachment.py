@@ -16,6 +16,7 @@ import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
 from romdam.core.arrays import Floats
+from romdam.core.scene_effect import SceneEffect
 
 
 def _none() -> Floats:
@@ -23,7 +24,7 @@ def _none() -> Floats:
 
 
 @dataclass(frozen=True)
-class Attachment:
+class Attachment(SceneEffect):
     """Springs, dashpots and masses on displacements e (k,) of blocks, each on its own.
 
     The force on the blocks is rows^T f with f = weight - tension - stiffness e - damping e' - mass e''.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Bools
 from romdam.core.recorded import Expansion
+from romdam.core.scene_effect import SceneEffect
 
 # how the value of a gap follows from that of the merged gap that stands for it; "modes": of the unknowns;
 # None: of the run, or of gaps that are never merged
@@ -61,7 +62,7 @@ class FinalState:
 
 
 @dataclass(frozen=True, eq=False)
-class InitialState:
+class InitialState(SceneEffect):
     """The state of another run that the runs of a scene begin with.
 
     Attributes

@@ -7,7 +7,7 @@ nothing. `romdam.config.effects.refuse_unknown_effects` does the same with the e
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sized
+from collections.abc import Collection, Iterable, Mapping, Sized
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -58,3 +58,29 @@ def refuse_unknown(
         unnamed = f"{type(of).__name__}.{name}", "leave out the key that asks for it"
         key, remedy = (remedies or {}).get(name, unnamed)
         raise ConfigError(f"{key} is not {what}; {remedy}")
+
+
+def refuse_unknown_kinds(
+    effects: Iterable[object],
+    known: Collection[type],
+    what: str,
+    remedies: Mapping[type, tuple[str, str]] | None = None,
+) -> None:
+    """Refuse effects of a scene of kinds that a computation does not know.
+
+    Parameters
+    ----------
+    known : kinds that a scene may have
+    what : of the computation, such as "written for other codes"
+    remedies : kind -> (key of the configuration, remedy), of those that it is known not to be able to have
+
+    Raises
+    ------
+    ConfigError
+        with the key and the remedy.
+    """
+    for effect in effects:
+        kind = type(effect)
+        if kind not in known:
+            key, remedy = (remedies or {}).get(kind, (kind.__name__, "leave out the key that asks for it"))
+            raise ConfigError(f"{key} is not {what}; {remedy}")

@@ -15,6 +15,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import RecordError, quote
 from romdam.core.fingerprint import fingerprint
 from romdam.core.html.card import card
+from romdam.core.scene_effect import SceneEffect
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -359,7 +360,7 @@ class Incoherence:
 
 
 @dataclass(frozen=True)
-class MovingSupports:
+class MovingSupports(SceneEffect):
     """Supports that do not move as the base does.
 
     Attributes

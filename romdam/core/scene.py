@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Bools, Floats, Ints
-from romdam.core.attachment import Attachment
-from romdam.core.final_state import InitialState
-from romdam.core.motion import ForceSignal, MovingSupports
+from romdam.core.motion import ForceSignal
+from romdam.core.scene_effect import SceneEffect
 from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
+
+Kind = TypeVar("Kind", bound=SceneEffect)
 
 MOST_RING = 0.5  # of a face's area, beyond which too little of it is judged
 
@@ -74,7 +75,7 @@ class Absorbing:
 
 
 @dataclass(frozen=True)
-class FreeField:
+class FreeField(SceneEffect):
     """Rock as it would be without a dam: layers, in which plane waves travel up and down.
 
     Attributes
@@ -280,7 +281,7 @@ class PointForce:
 
 
 @dataclass(frozen=True)
-class ForceHistory:
+class ForceHistory(SceneEffect):
     """A force on a block that varies in time: nodal forces (n, 3) per newton [1], and its size."""
 
     block: str
@@ -322,7 +323,7 @@ class Sound:
 
 
 @dataclass(frozen=True)
-class Reservoir:
+class Reservoir(SceneEffect):
     """Water that moves with the dam.
 
     Attributes
@@ -445,7 +446,7 @@ class StressSites:
 
 
 @dataclass(frozen=True)
-class ConstructionStage:
+class ConstructionStage(SceneEffect):
     """A stage of construction: what is there and acts at its end, and what is grouted then.
 
     Attributes
@@ -465,6 +466,30 @@ class ConstructionStage:
 
 
 @dataclass(frozen=True)
+class StaticLoads:
+    """Loads that last: a run begins at rest under them.
+
+    Attributes
+    ----------
+    gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
+    pressures, forces, water : on faces and nodes, and of still water
+    warmed : block name -> change of temperature of the block, or (n,) of its nodes [K]; none of others
+    excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
+    staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
+    order : kinds of loads, in the order in which they are applied; empty where all come together
+    """
+
+    gravity: Floats = field(default_factory=lambda: np.zeros(3))
+    pressures: tuple[FacePressure, ...] = ()
+    forces: tuple[PointForce, ...] = ()
+    water: tuple[Hydrostatic, ...] = ()
+    warmed: Mapping[str, float | Floats] = field(default_factory=dict)
+    excluded_from_gravity: frozenset[str] = frozenset()
+    staged_weight: bool = False
+    order: tuple[str, ...] = LOAD_KINDS
+
+
+@dataclass(frozen=True)
 class Scene:
     """Everything that does not depend on the ground motion.
 
@@ -472,49 +497,41 @@ class Scene:
     ----------
     blocks, joints : name -> Block, name -> Joint, in the configuration's order
     fixed : block name -> (n, 3) True where a support holds the component
-    pressures, forces : static loads on faces and nodes
-    gravity : (3,) acceleration that makes weight [m/s2]; zero if there is none
+    loads : that last
     probes : nodes to be written
     stress : where stress is written; None if nowhere
-    ties, water, reservoir : merged interfaces; hydrostatic loads; water that moves, or None
-    warmed : block name -> change of temperature of the block, or (n,) of its nodes [K]; none of others
-    excluded_from_gravity : blocks whose weight has acted before, so that gravity leaves it out
+    ties : merged interfaces
     radiating : blocks whose mass only carries away what the others send out: the ground does not shake it
-    free_field : the waves that come up through the rock, see `romdam.effects.free_field`; None without
-    staged_weight : whether gravity acts before the joints are grouted, so that they carry none of it
-    moving : supports that do not move as the base does; None where all do
-    force_histories : forces that vary in time
-    initial : state of another run that runs begin with; None without
-    construction : stages in which the dam was built, one after another
-    attachments : springs, dashpots and masses on the blocks, such as anchors
+    effects : what each physical effect has of the scene, such as its reservoir
     remarks : what of the scene is odd and may not be meant, one sentence each
-    load_order : kinds of static loads, in the order in which they are applied to the state at rest; empty
-        where all come together
     """
 
     blocks: dict[str, Block]
     joints: dict[str, Joint]
     fixed: dict[str, Bools]
-    pressures: tuple[FacePressure, ...]
-    forces: tuple[PointForce, ...]
-    gravity: Floats
-    probes: tuple[Probe, ...]
+    loads: StaticLoads = field(default_factory=StaticLoads)
+    probes: tuple[Probe, ...] = ()
     stress: StressSites | None = None
     ties: tuple[Tie, ...] = ()
-    water: tuple[Hydrostatic, ...] = ()
-    warmed: dict[str, float | Floats] = field(default_factory=dict)
-    excluded_from_gravity: frozenset[str] = frozenset()
     radiating: frozenset[str] = frozenset()
-    free_field: FreeField | None = None
-    staged_weight: bool = False
-    reservoir: Reservoir | None = None
-    moving: MovingSupports | None = None
-    force_histories: tuple[ForceHistory, ...] = ()
-    initial: InitialState | None = None
-    construction: tuple[ConstructionStage, ...] = ()
-    attachments: tuple[Attachment, ...] = ()
+    effects: tuple[SceneEffect, ...] = ()
     remarks: tuple[str, ...] = ()
-    load_order: tuple[str, ...] = LOAD_KINDS
+
+    def every(self, kind: type[Kind]) -> tuple[Kind, ...]:
+        """Everything of a kind of effect, in the configuration's order."""
+        return tuple(effect for effect in self.effects if isinstance(effect, kind))
+
+    def find(self, kind: type[Kind]) -> Kind | None:
+        """The one of a kind of effect that a scene has at most one of, such as a reservoir; None without."""
+        return next(iter(self.every(kind)), None)
+
+    def with_effects(self, *effects: SceneEffect) -> Self:
+        """The scene with these in place of all that it has of their kinds."""
+        return replace(self, effects=(*self.without(*map(type, effects)).effects, *effects))
+
+    def without(self, *kinds: type[SceneEffect]) -> Self:
+        """The scene without all that it has of some kinds."""
+        return replace(self, effects=tuple(one for one in self.effects if not isinstance(one, kinds)))
 
     @property
     def sustained_ratios(self) -> dict[str, float]:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from dataclasses import fields
 
 from romdam.core.fingerprint import code_digest, fingerprint
+from romdam.core.motion import MovingSupports
 from romdam.core.scene import Scene
 
 
@@ -22,7 +23,8 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
     }
     rest = {f.name: getattr(scene, f.name) for f in fields(scene) if f.name not in ("joints", "remarks")}
     moving: object = None
-    if scene.moving is not None:  # by what moves supports; where their records were read from does not count
+    supports = scene.find(MovingSupports)
+    if supports is not None:  # by what moves supports; where their records were read from does not count
         motions = [
             (
                 motion.support,
@@ -30,12 +32,13 @@ def scene_content(scene: Scene, left_out: Collection[str] = ()) -> tuple[object,
                 motion.factor,
                 None if motion.record is None else motion.record.digest,
             )
-            for motion in scene.moving.motions
+            for motion in supports.motions
         ]
-        moving = motions, scene.moving.components
-        if scene.moving.shares:
-            moving = *moving, scene.moving.shares, scene.moving.incoherence
-    return joints, rest | {"moving": moving}
+        moving = motions, supports.components
+        if supports.shares:
+            moving = *moving, supports.shares, supports.incoherence
+    others = [(type(one).__name__, one) for one in scene.without(MovingSupports).effects]
+    return joints, rest | {"effects": others, "moving": moving}
 
 
 def scene_digest(scene: Scene) -> str:

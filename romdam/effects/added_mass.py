@@ -150,11 +150,12 @@ def added_mass(scene: Scene) -> AddedMass | None:
     ReductionError
         where the reservoir's equations cannot be factored.
     """
-    if scene.reservoir is None or scene.reservoir.sound is not None:
+    water = scene.find(Reservoir)
+    if water is None or water.sound is not None:
         return None
-    if scene.reservoir.solved:
-        return _incompressible(water_body(scene.reservoir, scene.blocks), scene.reservoir.density)
-    return _westergaard(scene.blocks, scene.reservoir, wet_mesh(scene.blocks, scene.reservoir))
+    if water.solved:
+        return _incompressible(water_body(water, scene.blocks), water.density)
+    return _westergaard(scene.blocks, water, wet_mesh(scene.blocks, water))
 
 
 def added_mass_matrix(water: AddedMass, B: csr_matrix, limit: int = MOST_WET) -> csr_matrix:

@@ -24,7 +24,7 @@ from scipy.linalg import LinAlgError
 from scipy.sparse import csr_matrix, diags_array, vstack
 
 from romdam.core.arrays import Floats
-from romdam.core.attachment import BearingRows, of_all, stacked_rows
+from romdam.core.attachment import Attachment, BearingRows, of_all, stacked_rows
 from romdam.core.errors import ReductionError
 from romdam.core.motion import Motion
 from romdam.core.scene import LOAD_KINDS, Scene
@@ -63,7 +63,7 @@ class AttachedSprings:
         ReductionError
             where the eigenproblem of a reduced system fails.
         """
-        attached = self.scene.attachments
+        attached = self.scene.every(Attachment)
         k, m = of_all(attached, "stiffness"), of_all(attached, "mass")
         R = coordinates.observe(self.rows)
         system = self._observed(self._pressed(self._shaken(system, R, k, m), R), R)
@@ -82,7 +82,7 @@ class AttachedSprings:
     def _shaken(self, system: System, R: csr_matrix | Floats, k: Floats, m: Floats) -> System:
         """With the loads that follow the base and supports."""
         scene = self.scene
-        with_base = np.concatenate([one.with_ground(scene.radiating) for one in scene.attachments])
+        with_base = np.concatenate([one.with_ground(scene.radiating) for one in scene.every(Attachment)])
         loads = {Motion.BASE: np.asarray(R.T @ (m[:, None] * with_base))}
         moving = system.pseudo_static
         if moving is not None:
@@ -94,7 +94,7 @@ class AttachedSprings:
 
     def _pressed(self, system: System, R: csr_matrix | Floats) -> System:
         """With the static forces, among the loads of their kind where these come one after another."""
-        attached, order = self.scene.attachments, self.scene.load_order
+        attached, order = self.scene.every(Attachment), self.scene.loads.order
         forces = {
             "weight": np.asarray(R.T @ of_all(attached, "weight")),
             "forces": -np.asarray(R.T @ of_all(attached, "tension")),
@@ -108,7 +108,7 @@ class AttachedSprings:
 
     def _observed(self, system: System, R: csr_matrix | Floats) -> System:
         """With the rows of the attachments that bear a force behind those of the output nodes."""
-        attached = self.scene.attachments
+        attached = self.scene.every(Attachment)
         some = np.flatnonzero(np.repeat([one.bears for one in attached], [len(one) for one in attached]))
         if not len(some):
             return system
@@ -141,7 +141,7 @@ class AttachedDashpots:
 
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the dashpots, which leave the modes coupled."""
-        c, R = of_all(self.scene.attachments, "damping"), csr_matrix(coordinates.observe(self.rows))
+        c, R = of_all(self.scene.every(Attachment), "damping"), csr_matrix(coordinates.observe(self.rows))
         moving = system.pseudo_static
         if moving is not None:
             carried = applied(self.rows, moving.shapes)
@@ -152,17 +152,19 @@ class AttachedDashpots:
 
 def attached_springs(scene: Scene) -> AttachedSprings | None:
     """The springs and masses of a scene's attachments; None without any attachment."""
-    return AttachedSprings(scene, _rows(scene)) if scene.attachments else None
+    return AttachedSprings(scene, _rows(scene)) if scene.every(Attachment) else None
 
 
 def attached_dashpots(scene: Scene) -> AttachedDashpots | None:
     """The dashpots of a scene's attachments; None where none has any."""
-    some = any(one.damping.any() for one in scene.attachments)
+    some = any(one.damping.any() for one in scene.every(Attachment))
     return AttachedDashpots(scene, _rows(scene)) if some else None
 
 
 def _rows(scene: Scene) -> dict[str, csr_matrix]:
-    return stacked_rows(scene.attachments, {name: block.points.size for name, block in scene.blocks.items()})
+    return stacked_rows(
+        scene.every(Attachment), {name: block.points.size for name, block in scene.blocks.items()}
+    )
 
 
 def _unstretched(stretch: Floats, k: Floats, size: Floats) -> Floats:

@@ -39,7 +39,7 @@ import numpy as np
 from scipy.sparse import block_diag, bmat, csr_matrix, diags_array, hstack, vstack
 
 from romdam.core.motion import Motion
-from romdam.core.scene import Ints, Scene
+from romdam.core.scene import Ints, Reservoir, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.channel import ChannelDrive, radiating_end
 from romdam.effects.effect import EffectCoordinates, ModalCoordinates
@@ -116,7 +116,7 @@ class CompressibleWater:
 
 def compressible_water(scene: Scene) -> CompressibleWater | None:
     """The effect of a scene's compressible water; None where it has none."""
-    waves, water = reservoir_waves(scene), scene.reservoir
+    waves, water = reservoir_waves(scene), scene.find(Reservoir)
     if waves is None or water is None or water.sound is None:
         return None
     return CompressibleWater(waves, water.sound.cutoff)
@@ -168,7 +168,7 @@ def _widened(operator: csr_matrix, more: int) -> csr_matrix:
 
 def reservoir_waves(scene: Scene) -> Waves | None:
     """Assemble the compressible water of a scene's reservoir; None where it has none."""
-    water = scene.reservoir
+    water = scene.find(Reservoir)
     if water is None or water.sound is None:
         return None
     sound = water.sound

@@ -35,10 +35,10 @@ class StagesOfConstruction:
 
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the plan that the system is to go through."""
-        scene, stages = self.scene, self.scene.construction
+        scene, stages = self.scene, self.scene.every(ConstructionStage)
         force = {name: values.copy() for name, values in self.surface.items()}
         for name, block in scene.blocks.items():
-            if scene.gravity.any() and weight_acts(scene, name):
+            if scene.loads.gravity.any() and weight_acts(scene, name):
                 weight = weight_force(scene, name, assemble_mass(block)).ravel()
                 for k, stage in enumerate(stages):
                     if name in stage.blocks:
@@ -70,10 +70,12 @@ class StagesOfConstruction:
 
 def construction(scene: Scene) -> StagesOfConstruction | None:
     """The effect of a scene's stages of construction; None without any."""
-    if not scene.construction:
+    if not scene.every(ConstructionStage):
         return None
     surface = {
-        name: np.stack([_surface_force(scene, stage, name) for stage in scene.construction], axis=1)
+        name: np.stack(
+            [_surface_force(scene, stage, name) for stage in scene.every(ConstructionStage)], axis=1
+        )
         for name in scene.blocks
     }
     return StagesOfConstruction(scene, surface)
@@ -85,7 +87,7 @@ def _surface_force(scene: Scene, stage: ConstructionStage, name: str) -> Floats:
     force = np.zeros_like(block.points)
     if np.any(change := stage.warmed.get(name, 0.0)):
         force += thermal_force(block, change)
-    for water in scene.water:
+    for water in scene.loads.water:
         if water.block == name and stage.level is not None:
             force += hydrostatic_force(block.points, replace(water, level=min(water.level, stage.level)))
     return force.ravel()

@@ -13,7 +13,7 @@ import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.motion import Motion
-from romdam.core.scene import Scene
+from romdam.core.scene import ForceHistory, Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import EffectCoordinates
 
@@ -34,7 +34,7 @@ class ForceHistories:
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add a column of the load for each; loads have the opposite sign."""
         pressed = np.asarray(coordinates.press(self.patterns))
-        signals = tuple(one.signal for one in self.scene.force_histories)
+        signals = tuple(one.signal for one in self.scene.every(ForceHistory))
         loaded = system.loaded({Motion.FORCES: -pressed})
         return replace(loaded, signals=signals), coordinates
 
@@ -45,7 +45,7 @@ class ForceHistories:
 
 def force_histories(scene: Scene) -> ForceHistories | None:
     """The effect of a scene's forces that vary in time; None without any."""
-    histories = scene.force_histories
+    histories = scene.every(ForceHistory)
     if not histories:
         return None
     patterns = {name: np.zeros((block.points.size, len(histories))) for name, block in scene.blocks.items()}

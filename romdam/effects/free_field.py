@@ -227,7 +227,8 @@ class IncomingWaves:
 
 def incoming_waves(scene: Scene, damping: DampingConfig) -> IncomingWaves | None:
     """The free field of a scene as an effect; None without one. Raises as `deconvolution` does."""
-    field, drive = scene.free_field, deconvolution(scene.free_field, damping)
+    field = scene.find(FreeField)
+    drive = deconvolution(field, damping)
     if field is None or drive is None or field.inclined:
         return None
     absorbing = {name: block for name, block in scene.blocks.items() if block.absorbing}

@@ -7,6 +7,7 @@ from scipy.sparse import block_diag, csr_matrix, hstack, vstack
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.core.final_state import InitialState
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.effect import EffectCoordinates, MeshCoordinates
@@ -69,7 +70,7 @@ def assemble_full(scene: Scene, damping: DampingConfig) -> System:
         diagonal=False,
         floating=not all(held),
         at_point=csr_matrix(hstack(at_point)) if at_point else None,
-        initial=scene.initial,
+        initial=scene.find(InitialState),
         extent=scene.extent,
     )
     coordinates: EffectCoordinates = MeshCoordinates(numbered.of_block, csr_matrix(block_diag(rigid)))

@@ -218,7 +218,7 @@ class InclinedWaves:
 
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the forces on absorbing faces; their rows are of the unknowns where these are fewer."""
-        field = self.scene.free_field
+        field = self.scene.find(FreeField)
         assert field is not None
         total, first, pressed = sum(3 * len(side.nodes) for side in self.sides.values()), 0, {}
         for name, side in self.sides.items():
@@ -246,7 +246,7 @@ def inclined_waves(scene: Scene, damping: DampingConfig) -> InclinedWaves | None
     ConfigError
         for modal damping, and layers of unlike alpha: drag against the base is of no wave where it changes.
     """
-    field = scene.free_field
+    field = scene.find(FreeField)
     if field is None or not field.inclined:
         return None
     if damping.modal is not None:

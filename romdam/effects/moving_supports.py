@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.errors import ConfigError
-from romdam.core.motion import Motion
+from romdam.core.motion import Motion, MovingSupports
 from romdam.core.scene import Scene
 from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import EffectCoordinates
@@ -89,21 +89,22 @@ def pseudo_static(
     ConfigError
         where supports alone do not hold a part that they move.
     """
-    if scene.moving is None:
+    moving = scene.find(MovingSupports)
+    if moving is None:
         return None
     shapes: dict[str, Floats] = {}
     for part in scene_parts(scene).values():
-        shapes |= _shapes(part, scene, assembly, solving)
+        shapes |= _shapes(part, moving, scene, assembly, solving)
     more = point_operators(scene, directions)
     rows = [shapes[probe.block][3 * probe.node : 3 * probe.node + 3] for probe in scene.probes]
     return PseudoStatic(
-        motions=scene.moving.motions,
+        motions=moving.motions,
         shapes=shapes,
         jump=applied(gap_operators(scene, directions), shapes),
         at_point=None if more is None else applied(more, shapes),
-        observe=np.vstack([np.zeros((0, 3 * len(scene.moving.motions))), *rows]),
+        observe=np.vstack([np.zeros((0, 3 * len(moving.motions))), *rows]),
         stiffness=sum(u.T @ (assembly.matrices(name)[0] @ u) for name, u in shapes.items()),
-        incoherence=scene.moving.incoherence,
+        incoherence=moving.incoherence,
     )
 
 
@@ -112,25 +113,26 @@ def applied(operators: Mapping[str, csr_matrix], shapes: Mapping[str, Floats]) -
     return np.asarray(sum(operator @ shapes[name] for name, operator in operators.items()))
 
 
-def _shapes(part: Part, scene: Scene, assembly: Assembly, solving: Solving) -> dict[str, Floats]:
+def _shapes(
+    part: Part, moving: MovingSupports, scene: Scene, assembly: Assembly, solving: Solving
+) -> dict[str, Floats]:
     """u_s of a part's blocks."""
-    assert scene.moving is not None
     size = 3 * part.nodes
-    held = np.zeros((3 * part.every_node, 3 * len(scene.moving.motions)))  # slaves behind the others
+    held = np.zeros((3 * part.every_node, 3 * len(moving.motions)))  # slaves behind the others
     for name in part.blocks:
-        node, axis = np.nonzero(scene.moving.components[name] >= 0)
-        motion = scene.moving.components[name][node, axis]
+        node, axis = np.nonzero(moving.components[name] >= 0)
+        motion = moving.components[name][node, axis]
         held[3 * part.number[name][node] + axis, 3 * motion + axis] = 1.0
-        if name in scene.moving.shares:
+        if name in moving.shares:
             node, axis = np.nonzero(scene.fixed[name])
-            columns = 3 * np.arange(len(scene.moving.motions)) + axis[:, None]
+            columns = 3 * np.arange(len(moving.motions)) + axis[:, None]
             rows = 3 * part.number[name][node] + axis
-            held[rows[:, None], columns] = scene.moving.shares[name][node].toarray()
+            held[rows[:, None], columns] = moving.shares[name][node].toarray()
     moved, free = held[:size].copy(), ~part.fixed(scene.fixed).ravel()
     if held.any() and free.any():
         if not part.stands_free(scene):
             raise ConfigError(
-                f"{scene.moving.motions[0].key}: part {part.name!r} is carried by supports that "
+                f"{moving.motions[0].key}: part {part.name!r} is carried by supports that "
                 "leave it a rigid motion, limit 0: where they carry it is undetermined; hold more of its "
                 "components"
             )

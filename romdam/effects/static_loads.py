@@ -56,12 +56,12 @@ class StaticLoads:
 
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
         """Add the forces, and their parts in the order in which they are applied to the state at rest."""
-        order = self.scene.load_order or LOAD_KINDS
+        order = self.scene.loads.order or LOAD_KINDS
         steps = {kind: np.asarray(self._pressed(kind, coordinates)) for kind in order}
         steps["water"] = steps["water"] + system.B[:: system.law.directions].T @ water_force(self.scene)
         steps = {kind: np.asarray(force) for kind, force in steps.items() if force.any()}
         force = system.force + sum(steps.values(), np.zeros(system.size))
-        steps = steps if self.scene.load_order else {}
+        steps = steps if self.scene.loads.order else {}
         return replace(system, force=np.asarray(force), load_steps=steps), coordinates
 
     def _pressed(self, kind: str, coordinates: EffectCoordinates) -> Floats:
@@ -72,7 +72,7 @@ class StaticLoads:
             for name, block in scene.blocks.items():
                 if not every[name].size:
                     every[name] = np.zeros(block.points.size)
-                if kind == "weight" and scene.gravity.any() and weight_acts(scene, name):
+                if kind == "weight" and scene.loads.gravity.any() and weight_acts(scene, name):
                     every[name] = every[name] + weight_force(scene, name, assemble_mass(block)).ravel()
             pressed = coordinates.press({name: force[:, None] for name, force in every.items()})
             return np.asarray(pressed)[:, 0]
@@ -81,7 +81,7 @@ class StaticLoads:
             if kind in self.kinds[name]:
                 total[part.columns] += part.vectors.under(csr_matrix(self.kinds[name][kind][None]))[0]
             if kind == "weight" and weight_acts(scene, name):
-                total[part.columns] += part.participation @ scene.gravity
+                total[part.columns] += part.participation @ scene.loads.gravity
         return total
 
 

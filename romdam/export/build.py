@@ -17,8 +17,10 @@ from romdam.contact.laws.catalogue import find_law, further_keys
 from romdam.contact.laws.shear_stiffness import ElasticShear
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ConfigError
-from romdam.core.known import refuse_unknown
-from romdam.core.scene import Scene
+from romdam.core.final_state import InitialState
+from romdam.core.known import refuse_unknown, refuse_unknown_kinds
+from romdam.core.motion import MovingSupports
+from romdam.core.scene import ConstructionStage, ForceHistory, FreeField, Reservoir, Scene
 from romdam.core.system import GapLaw
 from romdam.effects.added_mass import added_mass
 from romdam.export.deck import Deck, DeckMotion, Gaps, Solid, elastic
@@ -33,9 +35,9 @@ _ROUNDING = 1e-12  # of a gap's weights, whose sum is 1
 
 _WRITTEN = "written for other codes"
 # fields that a deck has all of, or states that it leaves out (`_stated`)
-_OF_SCENE = {
-    "blocks", "joints", "fixed", "pressures", "forces", "gravity", "probes", "stress", "ties", "water",
-    "warmed", "excluded_from_gravity", "staged_weight", "reservoir", "remarks", "load_order",
+_OF_SCENE = {"blocks", "joints", "fixed", "loads", "probes", "stress", "ties", "effects", "remarks"}
+_OF_LOADS = {
+    "gravity", "pressures", "forces", "water", "warmed", "excluded_from_gravity", "staged_weight", "order",
 }  # fmt: skip
 _OF_BLOCK = {"name", "element", "points", "cells", "material", "faces", "unsound_faces"}
 _OF_MATERIAL = {"E", "nu", "rho", "expansion", "damping"}
@@ -55,11 +57,13 @@ _REMEDIES = {
         "ground.viscous or a viscous rock boundary",
         "let the rock be massless (mass: false) and hold its outer faces",
     ),
-    "free_field": ("ground.input: free_field", "leave it out"),
-    "force_histories": ("loads.force_history", "leave it out"),
-    "construction": ("construction", "leave it out"),
-    "initial": ("loads.initial_state.result", "let the run start from rest: static"),
-    "moving": ("supports[].motion, or ground.along", "let all supports move as the base does"),
+}
+_REMEDIES_OF_KINDS: dict[type, tuple[str, str]] = {
+    FreeField: ("ground.input: free_field", "leave it out"),
+    ForceHistory: ("loads.force_history", "leave it out"),
+    ConstructionStage: ("construction", "leave it out"),
+    InitialState: ("loads.initial_state.result", "let the run start from rest: static"),
+    MovingSupports: ("supports[].motion, or ground.along", "let all supports move as the base does"),
 }
 _SOLVED = (
     "water.model: compressible or incompressible",
@@ -158,9 +162,11 @@ def _refuse(scene: Scene, damping: DampingConfig, law: GapLaw) -> None:
         refuse_unknown(block.material, _OF_MATERIAL, _WRITTEN)
     for joint in scene.joints.values():
         refuse_unknown(joint, _OF_JOINT, _WRITTEN)
-    if scene.reservoir is not None:
-        refuse_unknown(scene.reservoir, _OF_RESERVOIR, _WRITTEN, dict.fromkeys(("solved", "sound"), _SOLVED))
+    if (water := scene.find(Reservoir)) is not None:
+        refuse_unknown(water, _OF_RESERVOIR, _WRITTEN, dict.fromkeys(("solved", "sound"), _SOLVED))
     refuse_unknown(scene, _OF_SCENE, _WRITTEN, _REMEDIES)
+    refuse_unknown(scene.loads, _OF_LOADS, _WRITTEN)
+    refuse_unknown_kinds(scene.effects, (Reservoir,), _WRITTEN, _REMEDIES_OF_KINDS)
     refuse_unknown(law, _OF_GAPS, _WRITTEN)
     if damping.modal is not None:
         raise ConfigError(f"damping.modal is not {_WRITTEN}; give damping.rayleigh")
@@ -245,16 +251,16 @@ def _stated(scene: Scene, damping: DampingConfig, static: bool) -> Iterator[str]
     kinds = {kind for name in scene.blocks for kind in surface_forces(scene, name)}
     kinds |= (
         {"weight"}
-        if scene.gravity.any() and any(weight_acts(scene, name) for name in scene.blocks)
+        if scene.loads.gravity.any() and any(weight_acts(scene, name) for name in scene.blocks)
         else set()
     )
     if static and law.mu.any() and len(kinds) > 1:
+        order = ", then ".join(kind for kind in scene.loads.order if kind in kinds)
         yield (
-            "Static loads come at once; romdam applies "
-            f"{', then '.join(kind for kind in scene.load_order if kind in kinds)} (loads.order), which with "
-            "friction may leave other shear at rest."
+            f"Static loads come at once; romdam applies {order} (loads.order), which with friction may leave "
+            "other shear at rest."
         )
     if any(joint.at_point is not None for joint in scene.joints.values()):
         yield "Openings are means around the gaps, conjugate to forces; romdam writes them at points."
-    if scene.reservoir is not None:
+    if scene.find(Reservoir) is not None:
         yield "The water's added mass is lumped at the wet nodes; romdam's is consistent."

@@ -25,7 +25,7 @@ from romdam.core.errors import ConfigError
 from romdam.core.files import replacing
 from romdam.core.known import refuse_unknown
 from romdam.core.motion import Motion
-from romdam.core.scene import Block, Scene
+from romdam.core.scene import Block, Reservoir, Scene
 from romdam.core.sealed import creating
 from romdam.core.system import System
 from romdam.fem.assembly import assemble, inertia
@@ -214,7 +214,7 @@ def _reduced(scene: Scene, reduced: ReducedModel, name: str, gaps: csr_matrix) -
     part = next(part for part in scene_parts(scene).values() if name in part.blocks)
     if len(part.blocks) > 1:
         return f"since ties make it one with {', '.join(b for b in part.blocks if b != name)}"
-    if scene.reservoir is not None:
+    if scene.find(Reservoir) is not None:
         return "since water couples it to others"
     if block.material.rho == 0.0:
         return "since it has no mass"

@@ -13,7 +13,7 @@ from collections.abc import Collection
 import numpy as np
 
 from romdam.core.arrays import Floats
-from romdam.core.attachment import of_all, stacked_rows
+from romdam.core.attachment import Attachment, of_all, stacked_rows
 from romdam.core.errors import ConvergenceError
 from romdam.core.round_off import without_round_off
 from romdam.core.scene import Scene
@@ -88,7 +88,7 @@ def load_resultants(scene: Scene) -> dict[str, Floats]:
     kinds = dict[str, Floats]()
     for name, block in scene.blocks.items():
         forces = surface_forces(scene, name, thermal=False)
-        if scene.gravity.any() and weight_acts(scene, name):
+        if scene.loads.gravity.any() and weight_acts(scene, name):
             weight = weight_force(scene, name, assemble_mass(block)).reshape(-1, 3)
             forces["weight"] = weight + forces.get("weight", 0.0)
         for kind, force in forces.items():
@@ -124,14 +124,14 @@ def _load(scene: Scene, name: str) -> Floats:
     total = np.zeros_like(block.points)
     for force in surface_forces(scene, name, thermal=False).values():
         total += force
-    if scene.gravity.any() and weight_acts(scene, name):
+    if scene.loads.gravity.any() and weight_acts(scene, name):
         total += weight_force(scene, name, assemble_mass(block))
     return total.ravel()
 
 
 def _by_attachments(scene: Scene, attached: Floats) -> dict[str, Floats]:
     """Block name -> (3 n,) static forces of what is attached to it, its weight and the force at rest."""
-    some = scene.attachments
+    some = scene.every(Attachment)
     bearing = np.concatenate([np.zeros(0, dtype=bool), *(np.full(len(one), one.bears) for one in some)])
     along = of_all(some, "weight")
     along[bearing] -= attached

@@ -16,21 +16,21 @@ from romdam.geometry.pressed_facets import force_below
 def static_force(scene: Scene, block: str) -> Floats:
     """Nodal force on a block of the static loads that act with the joints as they are, (n, 3) [N]."""
     force = surface_force(scene, block)
-    if scene.gravity.any() and weight_acts(scene, block):
+    if scene.loads.gravity.any() and weight_acts(scene, block):
         force = force + weight_force(scene, block, assemble_mass(scene.blocks[block]))
     return force
 
 
 def weight_acts(scene: Scene, block: str) -> bool:
     """Tell whether a block's weight acts with the joints as they are, not before they were grouted."""
-    return not scene.staged_weight and block not in scene.excluded_from_gravity
+    return not scene.loads.staged_weight and block not in scene.loads.excluded_from_gravity
 
 
 def weight_force(scene: Scene, block: str, M: csr_matrix) -> Floats:
     """Nodal force of a block's weight, (n, 3) [N]; zero where it has acted before."""
-    if block in scene.excluded_from_gravity:
+    if block in scene.loads.excluded_from_gravity:
         return np.zeros_like(scene.blocks[block].points)
-    return np.asarray(inertia(scene.blocks[block], M) @ scene.gravity).reshape(-1, 3)
+    return np.asarray(inertia(scene.blocks[block], M) @ scene.loads.gravity).reshape(-1, 3)
 
 
 def surface_force(scene: Scene, block: str) -> Floats:
@@ -48,15 +48,15 @@ def surface_forces(scene: Scene, block: str, *, thermal: bool = True) -> dict[st
     kinds = {kind: np.zeros_like(points) for kind in LOAD_KINDS}
     if matrices is not None:
         kinds["weight"] += matrices.force.reshape(-1, 3)
-    if thermal and block in scene.warmed:
-        kinds["temperature"] += thermal_force(scene.blocks[block], scene.warmed[block])
-    for water in scene.water:
+    if thermal and block in scene.loads.warmed:
+        kinds["temperature"] += thermal_force(scene.blocks[block], scene.loads.warmed[block])
+    for water in scene.loads.water:
         if water.block == block:
             kinds["water"] += hydrostatic_force(points, water)
-    for load in scene.pressures:
+    for load in scene.loads.pressures:
         if load.block == block:
             kinds["forces"] += pressure_force(points, load.facets, load.value)
-    for point_force in scene.forces:
+    for point_force in scene.loads.forces:
         if point_force.block == block:
             kinds["forces"][point_force.node] += point_force.force
     return {kind: force for kind, force in kinds.items() if force.any()}

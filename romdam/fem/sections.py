@@ -102,9 +102,9 @@ def initial_section_forces(scene: Scene, displacement: Mapping[str, Floats]) -> 
     for name, operator in section_operators(scene).items():
         forces[name] = (operator @ displacement[name].ravel()).reshape(-1, COMPONENTS)
         for k, section in enumerate(sections):
-            if name in scene.warmed and name in section.step:
+            if name in scene.loads.warmed and name in section.step:
                 block = scene.blocks[name]
-                held = thermal_force(_stepping(block, section), scene.warmed[name])
+                held = thermal_force(_stepping(block, section), scene.loads.warmed[name])
                 motions = _virtual(block.points, section.step[name], section.arm[name], section)
                 forces[name][k] -= motions @ held.ravel()
     return forces

@@ -160,7 +160,7 @@ def thermal_stress(scene: Scene) -> dict[str, Floats]:
         return {}
     stress = {}
     for name, sites in scene.stress.blocks.items():
-        block, change = scene.blocks[name], scene.warmed.get(name, 0.0)
+        block, change = scene.blocks[name], scene.loads.warmed.get(name, 0.0)
         lam, mu = lame(block.material.sustained)
         recovered = _recovered(block, change)[sites.nodes] if isinstance(change, np.ndarray) else change
         normal = -(3.0 * lam + 2.0 * mu) * block.material.expansion * recovered

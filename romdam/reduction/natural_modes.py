@@ -14,8 +14,10 @@ from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.arrays import Floats
+from romdam.core.attachment import Attachment
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, Scene
+from romdam.core.motion import MovingSupports
+from romdam.core.scene import Block, FreeField, Reservoir, Scene
 from romdam.effects.added_mass import AddedMass, added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble_mass, inertia
@@ -151,7 +153,7 @@ def natural_modes(
 
 
 def _pencil(scene: Scene, numbered: Unknowns, bonded: bool) -> _Pencil:
-    system = assemble_full(replace(scene, reservoir=None, free_field=None, moving=None), DampingConfig())
+    system = assemble_full(scene.without(Reservoir, FreeField, MovingSupports), DampingConfig())
     K = csr_matrix(system.K + _springs(scene, numbered)) if bonded else system.K
     heavy = system.M.diagonal() > 0.0
     stiffest = (system.K.diagonal()[heavy] / system.M.diagonal()[heavy]).max(initial=0.0)
@@ -257,7 +259,7 @@ def total_mass(scene: Scene, water: AddedMass | None) -> Floats:
     """Mass (3,) along x, y, z of all blocks that are shaken, and of the water that moves with them [kg]."""
     shaken = [block for name, block in scene.blocks.items() if name not in scene.radiating]
     total = sum((_mass(block) for block in shaken), np.zeros(3))
-    for one in scene.attachments:
+    for one in scene.every(Attachment):
         moved = one.with_ground(scene.radiating)
         total = total + (one.mass[:, None] * moved**2).sum(axis=0)
     if water is None:

@@ -17,6 +17,7 @@ from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ReductionError
+from romdam.core.final_state import InitialState
 from romdam.core.scene import Scene
 from romdam.core.system import System
 from romdam.effects.effect import Effect, EffectCoordinates, ModalCoordinates
@@ -260,7 +261,7 @@ def _reduced_scene(
             floating=bool((omega2 == 0.0).any()),
             reduced=True,
             at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
-            initial=scene.initial,
+            initial=scene.find(InitialState),
             extent=scene.extent,
         )
         report: dict[str, object] = {name: block.report for name, block in basis.items()}

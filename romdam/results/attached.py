@@ -8,6 +8,7 @@ import numpy as np
 
 from romdam.config.effects import EFFECTS
 from romdam.core.arrays import Ints
+from romdam.core.attachment import Attachment
 from romdam.core.scene import Scene
 from romdam.results.case import Array, Case, Variable
 
@@ -16,7 +17,7 @@ def _bearing(scene: Scene, effect: str) -> tuple[Ints, list[str]]:
     """Columns of `History.attached` of an effect, and the names of what each belongs to."""
     names = [
         (one.effect, one.name if len(one) == 1 else f"{one.name} {k + 1}")
-        for one in scene.attachments
+        for one in scene.every(Attachment)
         if one.bears
         for k in range(len(one))
     ]
@@ -72,7 +73,7 @@ def attached_warnings(case: Case) -> list[str]:
     """Say where a force leaves the limits of what it is of, a sentence for each."""
     sentences, scene, first = [], case.scene, 0
     least, largest = case.history.attached_peaks
-    for one in scene.attachments:
+    for one in scene.every(Attachment):
         if not one.bears:
             continue
         rows = slice(first, first := first + len(one))

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from romdam.config.job import Config
 from romdam.core.arrays import Floats
 from romdam.core.errors import listed
-from romdam.core.motion import GroundMotion
-from romdam.core.scene import Joint, Scene, StressSites
+from romdam.core.motion import GroundMotion, MovingSupports
+from romdam.core.scene import ForceHistory, Joint, Reservoir, Scene, StressSites
 from romdam.core.system import History
 from romdam.postprocess.floor_spectra import FloorSpectra
 from romdam.postprocess.stress.summary import StressSummary
@@ -27,15 +27,17 @@ _OF_DAMS = np.array([0.0, -1.0, 0.0])  # `arch_dam` and `gravity_dam` have y dow
 
 def rock_blocks(scene: Scene) -> list[str]:
     """Blocks that no joint touches, that have no mass or whose weight has acted before, beside others."""
-    dam = {name for joint in scene.joints.values() for name in joint.blocks} - scene.excluded_from_gravity
+    dam = {name for joint in scene.joints.values() for name in joint.blocks}
+    dam -= scene.loads.excluded_from_gravity
     dam -= {name for name, block in scene.blocks.items() if block.material.rho == 0.0}
     return [name for name in scene.blocks if name not in dam] if dam else []
 
 
 def upstream_of(config: Config, scene: Scene) -> Floats | None:
     """Horizontal unit vector to the water's side, (3,); None where neither water nor a dam's keys tell it."""
-    if scene.reservoir is not None:
-        return scene.reservoir.upstream
+    water = scene.find(Reservoir)
+    if water is not None:
+        return water.upstream
     return None if config.dam is None else _OF_DAMS
 
 
@@ -122,15 +124,16 @@ class Case:
 
     def has_moving_supports(self) -> bool:
         """Tell whether supports move differently from the base."""
-        return self.scene.moving is not None
+        return self.scene.find(MovingSupports) is not None
 
     def has_stations(self) -> bool:
         """Tell whether supports move by their position."""
-        return self.scene.moving is not None and bool(self.scene.moving.shares)
+        moving = self.scene.find(MovingSupports)
+        return moving is not None and bool(moving.shares)
 
     def has_force_histories(self) -> bool:
         """Tell whether forces vary in time."""
-        return bool(self.scene.force_histories)
+        return bool(self.scene.every(ForceHistory))
 
     def has_stress(self) -> bool:
         """Tell whether stress was computed."""

@@ -22,6 +22,7 @@ from romdam.core.errors import ResultError
 from romdam.core.final_state import FinalState
 from romdam.core.fingerprint import code_digest
 from romdam.core.motion import AXES, GroundMotion
+from romdam.core.scene import FreeField
 from romdam.core.scene_digest import scene_digest
 from romdam.core.sealed import FAILURES, Opened, examine, sealing
 from romdam.core.version import SOURCE
@@ -95,9 +96,10 @@ def build_dataset(case: Case, job: Job, timing: Timing, model_file: str | None) 
     if damping := damping_statement(scene):
         attributes["material_damping"] = damping
     base = _BASES[job.config.ground.input]
-    if scene.free_field is not None and scene.free_field.inclined:
-        base += f" at {scene.free_field.origin} m"
-        attributes["incidence"] = incidence_statement(scene.free_field)
+    field = scene.find(FreeField)
+    if field is not None and field.inclined:
+        base += f" at {field.origin} m"
+        attributes["incidence"] = incidence_statement(field)
     attributes |= {
         "rock_blocks": json.dumps(rock_blocks(scene)),
         "source": SOURCE,

@@ -13,7 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from romdam.core.motion import MovingSupports, SupportMotion
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity, Written
+from romdam.core.scene import ForceHistory
 from romdam.core.system import ENERGY_TERMS, STATES, BuiltStages, RestBalance
 from romdam.results.attached import ATTACHED_COORDINATES, ATTACHED_VARIABLES
 from romdam.results.case import Array, Attributes, Case, Variable
@@ -22,15 +24,19 @@ from romdam.results.sliding import SLIDING_VARIABLES
 from romdam.results.stress.variables import STRESS_COORDINATES, STRESS_VARIABLES
 
 
+def _motions(case: Case) -> tuple[SupportMotion, ...]:
+    moving = case.scene.find(MovingSupports)
+    assert moving is not None
+    return moving.motions
+
+
 def _moving_supports(case: Case) -> Array:
-    assert case.scene.moving is not None
-    return np.array([motion.name for motion in case.scene.moving.motions], dtype=str)
+    return np.array([motion.name for motion in _motions(case)], dtype=str)
 
 
 def _of_motions(name: str) -> Callable[[Case], Array]:
     def get(case: Case) -> Array:
-        assert case.scene.moving is not None
-        values = [getattr(motion, name) for motion in case.scene.moving.motions]
+        values = [getattr(motion, name) for motion in _motions(case)]
         return np.array([np.nan if value is None else value for value in values], dtype=float)
 
     return get
@@ -260,7 +266,7 @@ COORDINATES: dict[str, Variable] = {
         ("force_history",),
         "",
         "key of the force that varies in time",
-        lambda c: np.array([one.signal.name for one in c.scene.force_histories], dtype=str),
+        lambda c: np.array([one.signal.name for one in c.scene.every(ForceHistory)], dtype=str),
         Case.has_force_histories,
     ),
     **ATTACHED_COORDINATES,

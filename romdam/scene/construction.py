@@ -55,14 +55,14 @@ def stage_temperatures(
 
 
 def construction_stages(
-    config: Config, scene: Scene, temperatures: Sequence[Changes], source: str
+    config: Config, scene: Scene, files: MeshFiles, source: str
 ) -> tuple[ConstructionStage, ...]:
     """The stages in which a scene was built; none where the configuration has none.
 
     Parameters
     ----------
     scene : with joints and loads
-    temperatures : of each stage, see `stage_temperatures`
+    files : of the scene, which may have temperatures
 
     Raises
     ------
@@ -72,6 +72,7 @@ def construction_stages(
     """
     if not config.construction:
         return ()
+    temperatures, _ = stage_temperatures(config, scene.blocks, files, source)
     zones = {name: joint.position[:, 2] for name, joint in scene.joints.items()}
     ends = np.cumsum([0, *(len(z) for z in zones.values())])
     of_joint = {name: slice(a, b) for name, a, b in zip(zones, ends[:-1], ends[1:], strict=True)}
@@ -81,7 +82,7 @@ def construction_stages(
     level: float | None = None
     stages = list[ConstructionStage]()
     nothing = np.zeros(len(done), dtype=bool)
-    if scene.gravity.any() and present - scene.excluded_from_gravity:
+    if scene.loads.gravity.any() and present - scene.loads.excluded_from_gravity:
         stages.append(ConstructionStage(BEFORE, present, None, {}, nothing))
         _refuse_loose(scene, present, f"{source}: construction: {BEFORE}")
     for k, (stage, warmed) in enumerate(zip(config.construction, temperatures, strict=True)):
@@ -160,7 +161,7 @@ def _refuse_level(
 ) -> None:
     """Refuse water on faces of blocks that are not there, and water below all faces."""
     foot = np.inf
-    for water in scene.water:
+    for water in scene.loads.water:
         lowest = float(scene.blocks[water.block].points[water.facets, 2].min())
         foot = min(foot, lowest)
         if water.block not in present and lowest < min(level, water.level):
@@ -211,14 +212,14 @@ def _refuse_ties(
 def _loaded(scene: Scene, stage: ConstructionStage, name: str) -> str:
     """What a block that is there carries in a stage; empty for nothing."""
     if (
-        scene.gravity.any()
-        and name not in scene.excluded_from_gravity
+        scene.loads.gravity.any()
+        and name not in scene.loads.excluded_from_gravity
         and scene.blocks[name].material.rho > 0.0
     ):
         return "weight"
     if np.any(stage.warmed.get(name, 0.0)):
         return "a change of temperature"
-    for water in scene.water:
+    for water in scene.loads.water:
         lowest = scene.blocks[name].points[water.facets, 2].min() if water.block == name else np.inf
         if stage.level is not None and lowest < min(stage.level, water.level):
             return "water"

@@ -10,7 +10,7 @@ import numpy as np
 from romdam.contact.laws import Fracture
 from romdam.contact.laws.catalogue import source_of
 from romdam.core.errors import listed
-from romdam.core.scene import Block, Joint, Material, Scene
+from romdam.core.scene import Block, FreeField, Joint, Material, Reservoir, Scene
 from romdam.geometry.facets import boundary_facets, facet_areas
 from romdam.geometry.meshes.kinds import frame
 from romdam.scene.mortar.segments import segments
@@ -78,7 +78,7 @@ def odd_remarks(
     ]
     rigid = [
         name
-        for name, change in scene.warmed.items()
+        for name, change in scene.loads.warmed.items()
         if np.ptp(change) > _BENDS and not frame(scene.blocks[name].element).quadratic
     ]
     if rigid:
@@ -87,23 +87,24 @@ def odd_remarks(
             "temperature that differs within a block: a pillar bends by 0.92 to 1.1 of what it should where "
             "they are half as long as it is thick, by 0.3 where 2.5 times as long; take quadratic elements"
         )
-    if scene.gravity.any() and not scene.staged_weight:
+    if scene.loads.gravity.any() and not scene.loads.staged_weight:
         remarks += [
             f"blocks.{name}: gravity lets the rock sink onto the springs of its viscous faces, the dam with "
             "it, though its weight has acted before there was a dam; give it `weight: false`"
             for name, block in scene.blocks.items()
-            if block.absorbing and name not in scene.excluded_from_gravity
+            if block.absorbing and name not in scene.loads.excluded_from_gravity
         ]
-    water = scene.reservoir
+    water = scene.find(Reservoir)
     if water and water.solved and water.mesh is None and water.length < _SHORT * water.depth:
         remarks.append(
             f"water.length = {water.length:.4g} m is {water.length / water.depth:.2g} of the depth of "
             f"{water.depth:.4g} m: water shut in so close before the dam moves with it as a reservoir's does "
             "not; three depths are usual"
         )
-    if water and water.sound and water.rock and scene.free_field:
+    field = scene.find(FreeField)
+    if water and water.sound and water.rock and field:
         foot = min(float(scene.blocks[face.block].points[face.facets, 2].min()) for face in water.faces)
-        below = float(scene.free_field.levels[0]) - foot
+        below = float(field.levels[0]) - foot
         if below > _DEEP * water.depth:
             remarks.append(
                 f"water.rock: the dam's foot is {below:.4g} m below the level surface that moves as the "
@@ -115,12 +116,12 @@ def odd_remarks(
 
 def _heavy_rock(scene: Scene) -> list[str]:
     """Rock with mass on a fixed base, shaken as its surface was."""
-    if scene.free_field is not None or any(block.absorbing for block in scene.blocks.values()):
+    if scene.find(FreeField) is not None or any(block.absorbing for block in scene.blocks.values()):
         return []
     heavy = [
         name
         for name in scene.blocks
-        if name in scene.excluded_from_gravity
+        if name in scene.loads.excluded_from_gravity
         and scene.blocks[name].material.rho > 0.0
         and scene.fixed[name].any()
     ]
@@ -221,8 +222,10 @@ def _added_up(scene: Scene) -> list[str]:
     """Static loads that two entries put on the same facets or node: their sum acts."""
     remarks = []
     loads: dict[str, list[list[tuple[str, tuple[int, ...]]]]] = {
-        "loads.pressure": [facet_keys(load.block, load.facets) for load in scene.pressures],
-        "loads.force": [[(load.block, (load.node,))] for load in scene.forces if load.load == "loads.force"],
+        "loads.pressure": [facet_keys(load.block, load.facets) for load in scene.loads.pressures],
+        "loads.force": [
+            [(load.block, (load.node,))] for load in scene.loads.forces if load.load == "loads.force"
+        ],
     }
     for key, names in loads.items():
         seen: dict[tuple[str, tuple[int, ...]], int] = {}

@@ -12,7 +12,7 @@ from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK
 from romdam.contact.laws.catalogue import find_law
 from romdam.contact.laws.crack_water import CrackWater
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Block, FreeField, Hydrostatic, Joint, Material, Scene
+from romdam.core.scene import Block, FreeField, Hydrostatic, Joint, Material, Reservoir, Scene
 from romdam.scene.attachments import AttachmentPlaces, build_attachments
 from romdam.scene.blocks import material_of
 from romdam.scene.joint_water.build import with_water
@@ -39,13 +39,13 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
         now, then = material_of(config.materials[names[name]]), block.material
         now = now.with_mass(then.rho > 0.0)  # a block without mass stays so
         blocks[name] = block if now == then else replace(block, material=now)
-    reservoir = scene.reservoir
+    reservoir = scene.find(Reservoir)
     if reservoir is not None and config.water is not None and reservoir.level != config.water.level:
         foot = min(float(blocks[face.block].points[face.facets, 2].min()) for face in reservoir.faces)
         reservoir = at_level(reservoir, config.water, foot)
     water, face = list[Hydrostatic](), 0
     for load in config.loads.hydrostatic:
-        of_load = scene.water[face : face + len(load.faces)]
+        of_load = scene.loads.water[face : face + len(load.faces)]
         water += [one if one.level == load.level else replace(one, level=load.level) for one in of_load]
         face += len(load.faces)
     joints = {
@@ -58,28 +58,22 @@ def vary_scene(scene: Scene, config: Config, source: str) -> Scene:
             joint = replace(joint, water=np.zeros(len(joint.area)), uplift=None, laws=dry)
             location = f"{source}: loads.joint_water[{k}]"
             joints[name] = with_water(joint, wet, blocks, config.loads.gravity_of_water, location)
-    warmed = dict(scene.warmed)
+    warmed = dict(scene.loads.warmed)
     expanding = [name for name, block in blocks.items() if block.material.expansion > 0.0]
     for temperature in config.loads.temperature:
         if temperature.change is not None:
             warmed |= dict.fromkeys(temperature.blocks or expanding, temperature.change)
     warmed = {name: warmed[name] for name in blocks if np.any(warmed.get(name, 0.0))}
-    attached = build_attachments(config, AttachmentPlaces(blocks, scene.fixed, scene.gravity, source))
-    return replace(
-        scene,
-        attachments=attached,
-        free_field=_layers(scene, blocks, source),
-        blocks=blocks,
-        joints=joints,
-        reservoir=reservoir,
-        water=tuple(water),
-        warmed=warmed,
-    )
+    attached = build_attachments(config, AttachmentPlaces(blocks, scene.fixed, scene.loads.gravity, source))
+    loads = replace(scene.loads, water=tuple(water), warmed=warmed)
+    varied = replace(scene, blocks=blocks, joints=joints, loads=loads)
+    others = (one for one in (reservoir, _layers(scene, blocks, source)) if one is not None)
+    return varied.with_effects(*attached, *others)
 
 
 def _layers(scene: Scene, blocks: Mapping[str, Block], source: str) -> FreeField | None:
     """The layers of the free field, of the materials that their rock has now."""
-    field = scene.free_field
+    field = scene.find(FreeField)
     if field is None:
         return None
     now = dict[Material, Material]()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from romdam.core.arrays import Floats
 from romdam.core.display_units import SI, DisplayUnits
-from romdam.core.scene import Block, Scene
+from romdam.core.scene import Block, Reservoir, Scene
 from romdam.results.case import rock_blocks
 from romdam.visual.plots import save_figure
 from romdam.visual.rendering import EDGES, Image, Picture, grid, surface
@@ -42,7 +42,8 @@ def draw_scene(scene: Scene, path: Path, title: str = "", system: DisplayUnits =
     ResultError
         where 3-D pictures cannot be drawn, or the file not be written.
     """
-    rock, upstream = rock_blocks(scene), scene.reservoir.upstream if scene.reservoir else None
+    water = scene.find(Reservoir)
+    rock, upstream = rock_blocks(scene), None if water is None else water.upstream
     dam = [name for name in scene.blocks if name not in rock]
     colours = {name: BLOCKS[k % len(BLOCKS)] for k, name in enumerate(dam)}
     colours |= {name: ROCK[k % len(ROCK)] for k, name in enumerate(rock)}
@@ -69,9 +70,9 @@ def draw_scene(scene: Scene, path: Path, title: str = "", system: DisplayUnits =
     if scene.joints:
         gaps = sum(len(joint.gap) for joint in scene.joints.values())
         lines.append((f"{len(scene.joints)} joint{'s' * (len(scene.joints) > 1)}, {gaps} gaps", JOINT))
-    if scene.reservoir is not None:
+    if water is not None:
         foot, length = system.foot
-        lines.append((f"water to {scene.reservoir.level / foot:.4g} {length}", WATER))
+        lines.append((f"water to {water.level / foot:.4g} {length}", WATER))
     with mpl.rc_context(STYLE):
         figure, _ = image_panels(images, title)
         handles: list[Artist] = [Patch(facecolor=c, edgecolor=EDGES, label=text) for text, c in labels]
@@ -95,7 +96,7 @@ def _view(scene: Scene, colours: dict[str, str], names: list[str], direction: Fl
         if face is not None:
             rim = face.extract_feature_edges(boundary_edges=True, feature_edges=False, manifold_edges=False)
             picture.add(rim, color=JOINT, line_width=8)
-    water = scene.reservoir
+    water = scene.find(Reservoir)
     for water_face in water.faces if water else ():  # the water line on it
         wet = _facets_of(scene.blocks[water_face.block], np.unique(water_face.facets))
         low = 1e-6 * water.depth if water else 0.0

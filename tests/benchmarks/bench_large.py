@@ -79,7 +79,7 @@ def reduce_one(divisions: tuple[int, ...], gaps: int, solver: str, folder: Path)
     columns = 3 * chosen + 1  # normal gaps along y
     entries = np.ones(gaps), (np.arange(gaps), columns)
     operator, none = csr_matrix(entries, shape=(gaps, fixed.size)), np.zeros((fixed.size, 0))
-    scene = Scene({"b": block}, {}, {"b": fixed}, (), (), np.zeros(3), ())
+    scene = Scene({"b": block}, {}, {"b": fixed})
     loads = BlockLoads({"b": operator}, {"b": np.zeros(fixed.size)}, {"b": none}, 1, {"b": none})
     substructure = Substructure(scene_parts(scene)["b"], scene, loads, Assembly(scene.blocks))
     choice = ModeChoice(cutoff=CUTOFF, solving=Solving(solver, 20e9))

@@ -41,7 +41,7 @@ _FAULTS = [
     *faults_in(
         "scene/build.py",
         _UGLY,
-        ("if np.any(changes.get(name, 0.0))},", "if name in config.loads.temperature},"),
+        ("if np.any(changes.get(name, 0.0))}", "if name in config.loads.temperature}"),
     ),
     *faults_in(
         "scene/ground/motion_along.py",

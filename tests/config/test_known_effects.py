@@ -17,7 +17,17 @@ from romdam.config.coupling import couplings
 from romdam.config.effects import EFFECTS, EffectEntry
 from romdam.core.errors import ConfigError
 from romdam.core.known import contents, refuse_unknown
-from romdam.core.scene import Block, ConstructionStage, FreeField, Joint, Material, Reservoir, Scene
+from romdam.core.scene import (
+    Block,
+    ConstructionStage,
+    FreeField,
+    Joint,
+    Material,
+    Reservoir,
+    Scene,
+    StaticLoads,
+)
+from romdam.core.scene_effect import SceneEffect
 from romdam.core.system import GapLaw, System
 from romdam.effects.full_order import assemble_full
 from romdam.export import build, matrices
@@ -137,6 +147,16 @@ class IcyScene(Scene):
 
 
 @dataclass(frozen=True)
+class SnowyLoads(StaticLoads):
+    snow: float = 0.0
+
+
+@dataclass(frozen=True)
+class Moss(SceneEffect):
+    """An effect that no computation knows."""
+
+
+@dataclass(frozen=True)
 class BoltedJoint(Joint):
     bolts: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
@@ -179,6 +199,8 @@ def test_a_field_that_a_deck_does_not_know_is_refused():
         "IcyScene.ice": held_by(IcyScene, scene, ice=("left",)),
         "BoltedJoint.bolts": with_entry(scene, "joints", "gap", bolted),
         "CreepingBlock.creep": with_entry(scene, "blocks", "left", creeping),
+        "SnowyLoads.snow": replace(scene, loads=held_by(SnowyLoads, scene.loads, snow=2.0)),
+        "Moss": scene.with_effects(Moss()),
     }.items():
         with pytest.raises(ConfigError, match=f"{name} is not written for other codes; leave out the key"):
             deck(of)
@@ -207,16 +229,18 @@ def test_what_acts_on_a_block_of_matrices_is_known_or_refused():
         ConstructionStage("cold", frozenset(scene.blocks), None, {"left": change}, np.zeros(8, dtype=bool))
         for change in (0.0, -4.0)
     ]
-    of_matrices.refuse_unreached(replace(scene, construction=(stages[0],)), supported, "s.yaml")
+    of_matrices.refuse_unreached(scene.with_effects(stages[0]), supported, "s.yaml")
     waves = FreeField(np.array([0.0, -5.0]), (block.material,), 1, frozenset({"left"}))
     elsewhere = replace(waves, blocks=frozenset({"right"}))
-    of_matrices.refuse_unreached(replace(scene, free_field=elsewhere), supported, "s.yaml")
+    of_matrices.refuse_unreached(scene.with_effects(elsewhere), supported, "s.yaml")
     for wanted, of in {
-        r"loads.temperature: the change of block 'left' is not known": replace(
-            scene, construction=tuple(stages)
-        ),
-        r"ground.input: the waves of free_field in rock 'left'.*uniform": replace(scene, free_field=waves),
+        r"loads.temperature: the change of block 'left' is not known": scene.with_effects(*stages),
+        r"ground.input: the waves of free_field in rock 'left'.*uniform": scene.with_effects(waves),
         r"IcyScene.ice is not known of block 'left'": held_by(IcyScene, scene, ice=("left",)),
+        r"SnowyLoads.snow is not known of block 'left'": replace(
+            scene, loads=held_by(SnowyLoads, scene.loads, snow=2.0)
+        ),
+        r"Moss is not known of block 'left'": scene.with_effects(Moss()),
     }.items():
         with pytest.raises(ConfigError, match=wanted):
             of_matrices.refuse_unreached(of, supported, "s.yaml")

@@ -1,7 +1,6 @@
 """Anchors, masses and dashpots on blocks, by closed forms, by hand, and by an integration of their own."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from romdam.config.effects import EFFECTS
 from romdam.config.sections.job import DampingConfig
 from romdam.core.attachment import Attachment
 from romdam.core.errors import ConfigError
+from romdam.core.motion import MovingSupports
 from romdam.core.scene import Scene
 from romdam.effects.full_order import assemble_full
 from romdam.geometry.elements import ELEMENTS
@@ -120,7 +120,7 @@ def test_bar_with_an_anchor_at_its_end_under_its_weight(stiffness):
 
 
 def with_end_face_dashpot() -> Scene:
-    return replace(scene_of(BAR), attachments=(end_face_dashpot(scene_of(BAR), IMPEDANCE),))
+    return scene_of(BAR).with_effects(end_face_dashpot(scene_of(BAR), IMPEDANCE))
 
 
 def with_damper(foot: float) -> Scene:
@@ -166,7 +166,7 @@ def test_dashpot_of_the_impedance_lets_a_wave_out(reduced, made_scene):
     exact = np.interp(t, when, end)
     assert np.abs(history.disp[:, 0] - exact).max() < 0.01 * np.abs(exact).max()
     assert history.stats["ledger_imbalance"] < 1e-10
-    (pad,) = scene.attachments
+    (pad,) = scene.every(Attachment)
     # positive where its ends go apart: the end moves along x, away from a foot behind it
     moves = pad.rows["bar"].sum()
     np.testing.assert_allclose(history.attached[:, 0], IMPEDANCE * moves * history.vel[:, 0], atol=1.0)
@@ -249,16 +249,16 @@ def test_ends_of_a_moved_bar_feel_what_its_support_displaces(reduced):
     }
     raw["masses"] = {"gate": {"block": "bar", "face": "xmax", "mass": m}}
     scene = scene_of(raw)
-    rows = scene.attachments[0].rows
+    rows = scene.every(Attachment)[0].rows
     pad = Attachment("pads", "end", rows, damping=np.array([c]))
     twice = Attachment("twice", "end", {"bar": 2.0 * rows["bar"]}, mass=np.array([m / 4.0]))
-    scene = replace(scene, attachments=(*scene.attachments, pad, twice))
-    shaken = total_mass(replace(scene, moving=None), None)
+    scene = scene.with_effects(*scene.every(Attachment), pad, twice)
+    shaken = total_mass(scene.without(MovingSupports), None)
     assert shaken[0] == pytest.approx(RHO * AREA * L + 2.0 * m)
     dt, count = 1e-3, 400
     t = dt * np.arange(count)
     acc = np.where(t < 0.2, 4.0 * np.sin(np.pi * t / 0.1) * np.sin(np.pi * t / 0.2) ** 2, 0.0)
-    ground = add_support_rows(np.stack([acc, 0 * acc, 0 * acc]), dt, scene.moving.motions)
+    ground = add_support_rows(np.stack([acc, 0 * acc, 0 * acc]), dt, scene.find(MovingSupports).motions)
     rods, h = 20, L / 20
     K, M = np.zeros((rods + 1, rods + 1)), np.zeros((rods + 1, rods + 1))
     for rod in range(rods):
@@ -287,7 +287,7 @@ def test_ends_of_a_moved_bar_feel_what_its_support_displaces(reduced):
         assert np.abs(found - exact).max() < 2e-3 * np.abs(exact).max()
     assert history.stats["ledger_imbalance"] < 1e-10
     if reduced:  # peaks are of every step, whichever are written
-        lone = both(replace(scene, attachments=scene.attachments[:2]))[1]
+        lone = both(scene.with_effects(*scene.every(Attachment)[:2]))[1]
         every, few = (simulated(lone, ground, dt, "generalized_alpha", stride=one) for one in (1, 40))
         assert few.attached_peaks == pytest.approx(every.attached_peaks, rel=1e-9)
         beside = simulated(both(scene)[1], ground, dt, "generalized_alpha", stride=40)  # with a dashpot
@@ -623,7 +623,7 @@ def test_a_bar_stretches_over_its_free_length_or_the_distance_of_its_ends(tmp_pa
     """E A / L: of 30 m between the ends, and of 12 m that are free."""
     bar = {"head": RIGHT["head"], "foot": RIGHT["foot"], "E": "200 GPa", "area": "15 cm2"}
     raw = yaml.safe_load(job(tmp_path, anchors={"whole": bar, "free": bar | {"free_length": 12}}).read_text())
-    made = {one.name: one.stiffness[0] for one in scene_of(raw).attachments}
+    made = {one.name: one.stiffness[0] for one in scene_of(raw).every(Attachment)}
     assert made["whole"] == pytest.approx(200e9 * 15e-4 / 30.0)
     assert made["free"] == pytest.approx(200e9 * 15e-4 / 12.0)
 

@@ -14,8 +14,8 @@ from romdam.config import parse_config
 from romdam.config.effects import EFFECTS, EXCLUDED
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
-from romdam.core.motion import GroundMotion, SupportMotion
-from romdam.core.scene import Material
+from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
+from romdam.core.scene import ForceHistory, Material
 from romdam.effects.full_order import assemble_full
 from romdam.fem.column import wave_moduli
 from romdam.records.processing.force_rows import add_force_rows
@@ -216,8 +216,12 @@ def shaking(scene, seconds=0.6):
     acc = np.stack(
         [a * window * np.sin(2 * np.pi * f * time) for a, f in ((6.0, 3.1), (8.0, 4.3), (3.0, 6.0))]
     )
-    ground = acc if scene.moving is None else add_support_rows(acc, DT, scene.moving.motions)
-    return add_force_rows(ground, DT, [one.signal for one in scene.force_histories])
+    ground = (
+        acc
+        if scene.find(MovingSupports) is None
+        else add_support_rows(acc, DT, scene.find(MovingSupports).motions)
+    )
+    return add_force_rows(ground, DT, [one.signal for one in scene.every(ForceHistory)])
 
 
 def ready(system):
@@ -294,7 +298,7 @@ def test_supports_that_follow_one_motion_move_water_with_waves_as_the_base_does(
     moving = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
     config = parse_config(job("compressible water"), "s.yaml")
     acc = shaking(build_scene(config, Path(), "s.yaml")) * [[0.0], [1.0], [0.0]]
-    ground = add_support_rows(acc, DT, moving.moving.motions)
+    ground = add_support_rows(acc, DT, moving.find(MovingSupports).motions)
     for build in (assemble_full, lambda scene, damping: reduce_scene(scene, config.model, damping).system):
         own = simulated(build(moving, config.damping), ground, DT, "generalized_alpha")
         still = build(build_scene(config, Path(), "s.yaml"), config.damping)

@@ -13,7 +13,7 @@ import romdam
 from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError, RecordError
-from romdam.core.motion import GroundMotion, Incoherence, SupportMotion
+from romdam.core.motion import GroundMotion, Incoherence, MovingSupports, SupportMotion
 from romdam.core.scene_digest import scene_digest
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly
@@ -111,7 +111,7 @@ def test_the_same_motion_everywhere_is_that_motion_of_the_base(along, integrator
     """Openings, slips and forces are those of the record that all stations follow; displacement is u + d."""
     acc = pulses()
     moving, still = scene_of(canyon(along)), scene_of(canyon())
-    ground = add_support_rows(acc, DT, moving.moving.motions)
+    ground = add_support_rows(acc, DT, moving.find(MovingSupports).motions)
     k = 0 if integrator == "generalized_alpha" else 1
     own, base = (
         simulated(systems(scene, 2**62)[k], motion, DT, integrator)
@@ -150,8 +150,10 @@ def test_wave_passage_is_that_of_absolute_coordinates():
     alpha, beta = 0.4, 3e-4
     damping = DampingConfig(rayleigh=RayleighConfig(alpha=alpha, beta=beta))
     system = assemble_full(scene, damping)
-    assert 6 <= len(scene.moving.motions) <= 20
-    own = simulated(system, add_support_rows(fine, dt, scene.moving.motions), dt, "generalized_alpha")
+    assert 6 <= len(scene.find(MovingSupports).motions) <= 20
+    own = simulated(
+        system, add_support_rows(fine, dt, scene.find(MovingSupports).motions), dt, "generalized_alpha"
+    )
     absolute = own.disp + displacement(fine, dt).T
 
     K, M = (matrix.tocsc() for matrix in Assembly(scene.blocks).matrices("long"))
@@ -214,7 +216,9 @@ def test_faster_waves_come_nearer_to_uniform_motion():
     scene, apart = scene_of(canyon({"axis": "x", "velocity": 1e6})), []
     reduced = systems(scene, 2**62)[1]
     for part in (1.0, 0.1, 0.0):
-        motions = [replace(motion, delay=part * motion.delay) for motion in scene.moving.motions]
+        motions = [
+            replace(motion, delay=part * motion.delay) for motion in scene.find(MovingSupports).motions
+        ]
         own = simulated(reduced, add_support_rows(acc, DT, motions), DT, "modal")
         apart.append(np.abs(own.jump - base.jump).max() / np.abs(base.jump).max())
     assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.2)
@@ -369,10 +373,10 @@ def test_a_run_keeps_its_stations_and_states_its_error(folder, tmp_path):
 def test_random_motions_do_not_depend_on_the_mesh():
     """Stations of incoherent motions stand at the same places on a finer mesh."""
     raw = canyon(WAVE)
-    coarse = scene_of(raw).moving
+    coarse = scene_of(raw).find(MovingSupports)
     for block in raw["blocks"].values():
         block["box"]["element_size"] = 2.5
-    fine = scene_of(raw).moving
+    fine = scene_of(raw).find(MovingSupports)
     assert [one.station for one in fine.motions] == [one.station for one in coarse.motions]
     np.testing.assert_array_equal(fine.incoherence.distance, coarse.incoherence.distance)
 
@@ -392,7 +396,7 @@ def test_a_run_that_ends_before_the_last_support_has_moved_says_so():
 def test_units_of_us_practice_are_the_same_job(folder):
     feet = {"axis": "x", "velocity": "4000 ft/s", "start": "-10 ft"}
     metres = {"axis": [2, 0, 0], "velocity": 1219.2, "start": -3.048}
-    a, b = (scene_of(canyon(along)).moving for along in (feet, metres))
+    a, b = (scene_of(canyon(along)).find(MovingSupports) for along in (feet, metres))
     for one, other in zip(a.motions, b.motions, strict=True):
         assert (one.station, one.delay) == pytest.approx((other.station, other.delay), rel=1e-12)
     for name, shares in a.shares.items():
@@ -419,7 +423,7 @@ def test_supports_beyond_the_table_are_refused_or_held(folder):
         check(job(folder, short, "short.yaml"))
     held = scene_of(canyon(short | {"beyond": "hold"}))
     assert any("move as the first or the last station" in text for text in held.remarks)
-    shares = held.moving.shares["left"].toarray()
+    shares = held.find(MovingSupports).shares["left"].toarray()
     x = held.blocks["left"].points[:, 0]
     fixed = held.fixed["left"].any(axis=1)
     np.testing.assert_allclose(shares[fixed & (x == 0.0)], [[1.0, 0.0]] * int((fixed & (x == 0.0)).sum()))

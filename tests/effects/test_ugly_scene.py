@@ -13,7 +13,8 @@ from scipy.sparse.linalg import spsolve
 from simulating import simulated
 
 from romdam.config import parse_config
-from romdam.core.scene import Scene
+from romdam.core.motion import MovingSupports
+from romdam.core.scene import ConstructionStage, ForceHistory, Scene
 from romdam.core.system import System
 from romdam.effects.added_mass import added_mass
 from romdam.effects.construction import construction
@@ -188,7 +189,7 @@ def test_slip_and_opening_count_from_the_pouring(last):
     scene, both = systems(construction=JUMP, loads=loads)
     final = 4.0 if last is None else 6.0
     if last is not None:
-        assert scene.warmed["left"] == final
+        assert scene.loads.warmed["left"] == final
     joint = scene.joints["lm"]
     since = EXPANSION["left"] * (final + 10.0)
     grown = since * (joint.position - np.array(ORIGIN["left"]))  # of the left, (n, 3)
@@ -256,7 +257,7 @@ def test_a_gap_on_the_level_of_two_zones_belongs_to_the_upper_one():
     scene = built(construction=stages, joints=STRESSLESS)[1]
     z = scene.joints["lm"].position[:, 2]
     assert (z == level).any()
-    lower, upper = (stage.grouted[: len(z)] for stage in scene.construction[-2:])
+    lower, upper = (stage.grouted[: len(z)] for stage in scene.every(ConstructionStage)[-2:])
     assert (lower == (z < level)).all() and (upper == (z >= level)).all()
 
 
@@ -285,9 +286,9 @@ def test_supports_move_by_the_factors_and_delays_of_stations_around_them():
     def ground(t: np.ndarray) -> np.ndarray:
         return np.interp(t, fine, place)
 
-    assert scene.moving is not None
+    assert scene.find(MovingSupports) is not None
     shaken = np.stack([0.0 * time, pulse(time), 0.5 * pulse(time)])
-    moving = add_support_rows(shaken, dt, scene.moving.motions)
+    moving = add_support_rows(shaken, dt, scene.find(MovingSupports).motions)
     for system in both:
         disp = simulated(system, moving, dt, "generalized_alpha").disp.reshape(rows, -1, 3)
         for probe, (axes, x) in {
@@ -310,10 +311,10 @@ def test_a_wave_starts_where_the_job_says():
     """Supports are at x = 0 to 9 m; from -12 m on at 400 m/s each moves later by its distance from there."""
     wave = {"axis": "x", "velocity": 400.0, "cutoff": 30.0, "start": -12.0}
     scene = built(ground={"along": wave})[1]
-    assert scene.moving is not None and len(scene.moving.motions) > 1
-    for motion in scene.moving.motions:
+    assert scene.find(MovingSupports) is not None and len(scene.find(MovingSupports).motions) > 1
+    for motion in scene.find(MovingSupports).motions:
         assert motion.delay == pytest.approx((motion.station + 12.0) / 400.0, rel=1e-12)
-    assert min(motion.station for motion in scene.moving.motions) == 0.0
+    assert min(motion.station for motion in scene.find(MovingSupports).motions) == 0.0
 
 
 def test_westergaards_pressure_grows_downwards():
@@ -384,7 +385,7 @@ def test_a_force_in_time_has_its_unit_scale_and_area(tmp_path):
     table.write_text("time,force\n0,0\n0.1,5\n0.3,-2\n0.4,0\n")
     entry = {"table": str(table), "unit": "kPa", "block": "left", "face": "xmax", "scale": 3.0, "start": 0.2}
     scene = built(loads={"force_history": [entry]})[1]
-    (history,) = scene.force_histories
+    (history,) = scene.every(ForceHistory)
     sizes = history.signal.at(0.2 + np.array([0.0, 0.05, 0.1, 0.2, 0.3, 0.5]))
     pushed = history.nodal.sum(axis=0)[:, None] * sizes
     assert pushed[0] == pytest.approx(-15.0 * 3.0 * 1e3 * np.array([0.0, 2.5, 5.0, 1.5, -2.0, 0.0]))
@@ -440,6 +441,6 @@ def test_still_water_of_a_stage_stays_and_is_no_higher_than_its_load():
     effect = construction(scene)
     assert effect is not None
     for name, head in (("left", 3.0), ("middle", 5.5)):
-        pushed = effect.surface[name].reshape(-1, 3, len(scene.construction)).sum(axis=0)[1]
+        pushed = effect.surface[name].reshape(-1, 3, len(scene.every(ConstructionStage))).sum(axis=0)[1]
         whole = 1000.0 * G * head**2 / 2.0 * SIZE[name][0]
         assert pushed[-2:] == pytest.approx(whole, rel=1e-12) and pushed[0] == 0.0

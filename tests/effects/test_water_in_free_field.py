@@ -14,6 +14,7 @@ from romdam.benchmarks.frequency_response import channel_inputs
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.motion import Motion
+from romdam.core.scene import Reservoir
 from romdam.effects.channel import ChannelDrive
 from romdam.effects.effect import MeshCoordinates
 from romdam.effects.free_field import Deconvolution
@@ -100,9 +101,9 @@ def crest_by_pressures(scene, config, omega, axis):
     Section modes go upstream as exp(-kappa x) with kappa = sqrt(lambda^2 - w^2/c^2 + i w q b), exactly, on
     what the pressure differs from that of a section by itself; no impulse, no network, no drive.
     """
-    dry, sound = assemble_full(replace(scene, reservoir=None), config.damping), scene.reservoir.sound
+    dry, sound = assemble_full(scene.without(Reservoir), config.damping), scene.find(Reservoir).sound
     q = (1.0 - sound.reflection) / (1.0 + sound.reflection) / C
-    body = water_body(scene.reservoir, scene.blocks, C / (10.0 * sound.cutoff))
+    body = water_body(scene.find(Reservoir), scene.blocks, C / (10.0 * sound.cutoff))
     numbered = unknowns(scene)
     Q = MeshCoordinates(numbered.of_block, csr_matrix((0, 0))).observe(body.coupling)
     section = body.section
@@ -170,13 +171,13 @@ def test_fast_sound_is_incompressible_water_in_a_free_field(water):
     """
     scene, _ = make(bottom_reflection=1.0, **water)
     damping = DampingConfig(rayleigh=RayleighConfig(alpha=0.0, beta=1e-3))
-    fast = replace(scene.reservoir, sound=replace(scene.reservoir.sound, speed=40.0 * C))
+    fast = replace(scene.find(Reservoir), sound=replace(scene.find(Reservoir).sound, speed=40.0 * C))
     still, _ = make(model="incompressible", **water)
     exact = moved(assemble_full(still, damping)).disp
     for system, limit in (
-        (assemble_full(replace(scene, reservoir=fast), damping), 1e-4),
+        (assemble_full(scene.with_effects(fast), damping), 1e-4),
         (
-            reduce_scene(replace(scene, reservoir=fast), ModeChoice(count=200), damping).system,
+            reduce_scene(scene.with_effects(fast), ModeChoice(count=200), damping).system,
             2e-3 if water else 1e-4,
         ),
     ):

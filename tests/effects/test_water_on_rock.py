@@ -15,7 +15,7 @@ from test_water_in_free_field import ON_ROCK, apart, crest, harmonic, make, move
 
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError
-from romdam.core.scene import Material
+from romdam.core.scene import FreeField, Material, Reservoir
 from romdam.effects.compressible_water import reservoir_waves
 from romdam.effects.full_order import assemble_full
 from romdam.fem.column import wave_moduli
@@ -77,7 +77,7 @@ def test_water_layer_on_a_half_space_has_the_closed_form(reflection):
     """
     scene, config = column(bottom_reflection=reflection)
     system, waves = assemble_full(scene, config.damping), reservoir_waves(scene)
-    coupling = water_body(scene.reservoir, scene.blocks, C / (10.0 * CUTOFF)).coupling["rock"]
+    coupling = water_body(scene.find(Reservoir), scene.blocks, C / (10.0 * CUTOFF)).coupling["rock"]
     floor = np.flatnonzero(np.diff(coupling.indptr))
     impedance = np.sqrt(ROCK.rho * wave_moduli(ROCK)[2])
     absorbed = (1.0 - reflection) / (1.0 + reflection) / (RHO * C)
@@ -136,7 +136,7 @@ def test_canyon_of_an_arch_dam_is_covered_by_dam_and_three_rocks():
         "rock": rocks,
     }
     scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
-    body = water_body(scene.reservoir, scene.blocks, 18.0)
+    body = water_body(scene.find(Reservoir), scene.blocks, 18.0)
     swept = np.zeros_like(body.rigid)
     swept[body.wet] = sum(Q @ np.tile(np.eye(3), (Q.shape[1] // 3, 1)) for Q in body.coupling.values())
     assert {"rock_left", "rock_centre", "rock_right"} < set(body.coupling)
@@ -147,8 +147,8 @@ def test_canyon_of_an_arch_dam_is_covered_by_dam_and_three_rocks():
 def test_floor_below_the_surface_of_the_record_is_said():
     """The channel beyond the far end moves as the record does, not as the rock at its depth."""
     scene, _ = column()
-    field = scene.free_field
-    deep = replace(scene, free_field=replace(field, levels=field.levels + 30.0))
+    field = scene.find(FreeField)
+    deep = scene.with_effects(replace(field, levels=field.levels + 30.0))
     said = [[remark for remark in odd_remarks(one, {}) if "far end" in remark] for one in (scene, deep)]
     assert [len(remarks) for remarks in said] == [0, 1]
     assert "the dam's foot is 30 m below the level surface" in said[1][0]
@@ -160,8 +160,8 @@ def test_turned_model_moves_alike():
     angle = np.radians(30.0)
     R = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
     blocks = {name: replace(block, points=block.points @ R.T) for name, block in scene.blocks.items()}
-    reservoir = replace(scene.reservoir, upstream=R @ scene.reservoir.upstream)
-    turned = assemble_full(replace(scene, blocks=blocks, reservoir=reservoir), config.damping)
+    reservoir = replace(scene.find(Reservoir), upstream=R @ scene.find(Reservoir).upstream)
+    turned = assemble_full(replace(scene, blocks=blocks).with_effects(reservoir), config.damping)
     system, omega = assemble_full(scene, config.damping), 0.8 * np.pi * C / (2.0 * H)
     by_axis = np.stack([crest(turned, omega, axis) for axis in range(3)], axis=1)
     for axis in range(3):
@@ -194,6 +194,6 @@ def test_reduced_rock_without_mass_of_its_own_under_water_is_refused():
     scene, config = column()
     rock = scene.blocks["rock"]
     light = replace(rock, material=replace(rock.material, rho=0.0), absorbing=())
-    bare = replace(scene, blocks=scene.blocks | {"rock": light}, free_field=None, radiating=frozenset())
+    bare = replace(scene, blocks=scene.blocks | {"rock": light}, radiating=frozenset()).without(FreeField)
     with pytest.raises(ConfigError, match=r"water.rock: block 'rock' has no mass.*model.order: full"):
         reduce_scene(bare, config.model, config.damping)

@@ -36,7 +36,7 @@ def column(element, axis, absorbing=True):
         fixed[block.points[:, 2] == 0.0] = True
     tops = [int(np.argmin(np.linalg.norm(block.points - [0, 0, z], axis=1))) for z in (HEIGHT, HEIGHT / 2)]
     probes = tuple(Probe(f"p{k}", "rock", node) for k, node in enumerate(tops))
-    return Scene({"rock": block}, {}, {"rock": fixed}, (), (), np.zeros(3), probes)
+    return Scene({"rock": block}, {}, {"rock": fixed}, probes=probes)
 
 
 def pulse(axis, dt, duration=0.4):

@@ -1,6 +1,5 @@
 """Compressible water: closed forms on a rigid wall, the ledger, the reduction, two published dams."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from romdam.benchmarks.frequency_response import channel_inputs, first_period, i
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError
 from romdam.core.motion import Motion
+from romdam.core.scene import Reservoir
 from romdam.core.system import Histories
 from romdam.effects.channel import ChannelDrive, impedance_network
 from romdam.effects.compressible_water import Waves, _behind, reduced_waves, reservoir_waves
@@ -268,7 +268,7 @@ def test_stress_at_full_order_is_the_blocks_whatever_the_water():
     moved = own.copy()
     moved[system.parts["reservoir"]] += 1.0
     np.testing.assert_array_equal(system.observe @ moved, system.observe @ own)
-    bare = replace(scene, reservoir=None)
+    bare = scene.without(Reservoir)
     dry = observing_stress(bare, assemble_full(bare, config.damping))
     np.testing.assert_array_equal(system.observe @ own, dry.observe @ own[: dry.size])
 

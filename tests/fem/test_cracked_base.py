@@ -210,7 +210,8 @@ def test_a_tip_that_differs_across_the_dam():
     """A weight at one side: tips line by line, and the pressure between them, by many points."""
     scene, config = scene_of({"crack": "redrawn"}, cells=32, along=4)
     corner = int(np.argmin(np.linalg.norm(scene.blocks["dam"].points - [WIDTH, 0.0, HEIGHT], axis=1)))
-    scene = replace(scene, forces=(PointForce("dam", corner, np.array([0.0, 0.0, -4e4])),))
+    push = PointForce("dam", corner, np.array([0.0, 0.0, -4e4]))
+    scene = replace(scene, loads=replace(scene.loads, forces=(push,)))
     system, gaps = at_rest(scene, config)
     joint = scene.joints["base"]
     x, y = joint.position[:, 0], joint.position[:, 1]
@@ -294,7 +295,7 @@ def test_gaps_that_are_open_apart_from_the_heel_keep_the_diagram():
     points = scene.blocks["dam"].points
     crest = np.flatnonzero((points[:, 1] == 0.0) & (points[:, 2] == HEIGHT))
     forces = tuple(PointForce("dam", int(node), np.array([0.0, -3.5e5, 0.0])) for node in crest)
-    system, gaps = at_rest(replace(scene, forces=forces), config)
+    system, gaps = at_rest(replace(scene, loads=replace(scene.loads, forces=forces)), config)
     y, opened = scene.joints["base"].position[:, 1], gaps.state == 0
     assert opened.any() and y[opened].min() > 5.0
     assert (system.uplift.crack == 0.0).all() and (system.uplift.added == 0.0).all()

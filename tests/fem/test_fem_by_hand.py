@@ -7,7 +7,7 @@ import pytest
 from scene_builders import box
 
 from romdam.config.sections.job import DampingConfig, RayleighConfig
-from romdam.core.scene import Absorbing, Block, Material
+from romdam.core.scene import Absorbing, Block, Material, StaticLoads
 from romdam.fem.absorbing import boundary_dashpots, boundary_springs
 from romdam.fem.balance import balance_at_rest
 from romdam.fem.column import wave_moduli
@@ -45,7 +45,8 @@ def test_held_back_expansion():
     """5 K less: strain 1e-4 is wanted; (3 15 + 2 10) GPa 1e-4 = 6.5 MPa, and so E alpha / (1 - 2 nu)."""
     warm = Material(26e9, 0.3, 2500.0, expansion=2e-5)
     sites = SimpleNamespace(blocks={"b": SimpleNamespace(nodes=np.arange(2))})
-    scene = SimpleNamespace(stress=sites, blocks={"b": block(warm)}, warmed={"b": -5.0})
+    loads = StaticLoads(warmed={"b": -5.0})
+    scene = SimpleNamespace(stress=sites, blocks={"b": block(warm)}, loads=loads)
     np.testing.assert_allclose(thermal_stress(scene)["b"], [[6.5e6, 6.5e6, 6.5e6, 0, 0, 0]] * 2, rtol=1e-12)
     force = thermal_force(block(warm), -5.0)
     np.testing.assert_allclose(force[4:].sum(axis=0), [0, 0, -6.5e6 * 6.0], atol=1e-3)  # of the top, 6 m2

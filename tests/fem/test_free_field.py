@@ -127,9 +127,9 @@ def test_rock_of_two_dampings_returns_the_record_at_its_surface(order, northridg
         }
         layers = tuple(
             replace(layer, damping=own if layer.rho == 2600.0 else None)
-            for layer in scene.free_field.materials
+            for layer in scene.find(FreeField).materials
         )
-        scene = replace(scene, blocks=blocks, free_field=replace(scene.free_field, materials=layers))
+        scene = replace(scene, blocks=blocks).with_effects(replace(scene.find(FreeField), materials=layers))
         made = assemble_full(scene, DAMPED) if order == "full" else None
         made = made or reduce_scene(scene, ModeChoice(count=2), DAMPED).system
         _, total = shaken(made, northridge, 0.01)
@@ -214,7 +214,7 @@ def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(north
     blocks = {"low": replace(block, points=points)}
     field = free_field(blocks, frozenset(blocks), GroundConfig(), "s.yaml")
     assert 4 <= len(field.materials) <= 5
-    bent = replace(scene, blocks=blocks, free_field=field)
+    bent = replace(scene, blocks=blocks).with_effects(field)
     _, total = shaken(assemble_full(bent, DAMPED), resample(northridge, 0.01, 0.005), 0.005)
     record = resample(northridge, 0.01, 0.005).T
     assert l2(total[:, 0], record) < 0.002
@@ -369,7 +369,7 @@ def test_motion_at_three_depths_of_damped_layers_is_the_transfer_functions(dt, b
 def test_faces_without_a_distance_take_it_from_the_foot():
     scene = dam(15e9, "uniform")
     assert sorted(face.distance for face in scene.blocks["rock"].absorbing) == [60.0] * 5
-    assert scene.radiating == {"rock"} and scene.free_field is None
+    assert scene.radiating == {"rock"} and scene.find(FreeField) is None
     assert dam(15e9, "free_field").radiating == frozenset()
     with pytest.raises(ConfigError, match=r"viscous\[0\].faces\[0\]: its springs follow from its distance"):
         make(rock() | {"ground": {"rock": ["low"], "viscous": [{"block": "high", "faces": ["zmax"]}]}})
@@ -404,7 +404,7 @@ def test_fields_that_cannot_be_are_refused(ground, message):
     if (
         message is None
     ):  # sides that no face names: those of the blocks' boundary, up to where blocks are rock
-        assert make(rock(**ground)).free_field.levels[0] == 60.0
+        assert make(rock(**ground)).find(FreeField).levels[0] == 60.0
         return
     with pytest.raises(ConfigError, match=message):
         make(rock(**ground))
@@ -517,7 +517,7 @@ def test_run_says_what_its_displacement_is_relative_to(tmp_path, monkeypatch):
 def test_natural_modes_do_not_know_how_the_rock_is_shaken():
     """They are of the mesh on its springs, with a free field or without."""
     field, uniform = make(rock()), make(rock(input="uniform"))
-    assert field.free_field is not None and uniform.free_field is None
+    assert field.find(FreeField) is not None and uniform.find(FreeField) is None
     freq = [natural_modes(one, DampingConfig(), 4).freq for one in (field, uniform)]
     np.testing.assert_allclose(freq[0], freq[1], rtol=1e-9)
 

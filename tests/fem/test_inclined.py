@@ -192,7 +192,7 @@ def test_box_of_rock_moves_as_the_half_space(degrees, wave, azimuth, element):
     raw = rock(degrees, wave, axis, 5.0 if element == "hex8" else 10.0, element)
     scene = build_scene(parse_config(raw, "s.yaml"), Path(), "s.yaml")
     p = np.sin(np.radians(degrees)) / (C_S if wave == "s" else C_P)
-    assert np.hypot(*scene.free_field.slowness) == pytest.approx(p)
+    assert np.hypot(*scene.find(FreeField).slowness) == pytest.approx(p)
     of = "sv" if wave == "s" else "p"
     origin = np.array([60.0, 20.0, 0.0])
     exact = of_wave(pulse(), p, of, axis, AT, origin)
@@ -315,7 +315,7 @@ def test_layers_of_unlike_stiffness_and_damping_move_as_the_field(order):
     omega = 2 * np.pi * np.fft.rfftfreq(size, DT)
     spectrum = np.fft.rfft(record, size)
     surface = -spectrum[:, 1:] / omega[1:] ** 2
-    moved = InclinedField.of_surface(scene.free_field, omega[1:], surface, (0.0, 5e-4)).displacement(AT)
+    moved = InclinedField.of_surface(scene.find(FreeField), omega[1:], surface, (0.0, 5e-4)).displacement(AT)
     lines = np.concatenate([np.zeros((4, 3, 1)), -(omega[1:] ** 2) * moved], axis=2)
     exact = np.fft.irfft(lines, size)[..., : record.shape[1]].transpose(2, 0, 1)
     if order == "full":

@@ -11,7 +11,7 @@ from mortar_blocks import FACE, SIZE, pair, turn
 
 from romdam.config.sections.job import DampingConfig
 from romdam.config.sections.joints import JointConfig
-from romdam.core.scene import FacePressure, PointForce, Scene
+from romdam.core.scene import FacePressure, PointForce, Scene, StaticLoads
 from romdam.effects.full_order import assemble_full
 from romdam.fem.parts import unknowns
 from romdam.fem.stress import stress_operator
@@ -67,7 +67,7 @@ def pressed(left, right, law, forces=()):
         for name, y, sign in (("left", 0.0, 1.0), ("right", 2.0 * SIZE, -1.0))
         for node, size in zip(corners(blocks[name], y), forces, strict=False)
     )
-    scene = Scene(blocks, {"c": joint}, fixed, loads, point, np.zeros(3), ())
+    scene = Scene(blocks, {"c": joint}, fixed, StaticLoads(pressures=loads, forces=point))
     system = assemble_full(scene, DampingConfig())
     q, gaps = static_equilibrium(system, 1e-10)
     return scene, system, q, gaps

@@ -9,7 +9,7 @@ from simulating import simulated
 
 from romdam.config import parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
-from romdam.core.motion import GroundMotion, SupportMotion
+from romdam.core.motion import GroundMotion, MovingSupports, SupportMotion
 from romdam.effects.full_order import assemble_full
 from romdam.fem.stress import observing_stress
 from romdam.records.processing.integrate import displacement, velocity
@@ -112,7 +112,7 @@ def test_one_motion_of_all_supports_is_that_motion_of_the_base(scene, integrator
     """Openings, slips and forces are those of the record that the supports follow; displacement is u + d."""
     acc = pulses()
     moving, still = make(scene(SHIFTED, SHIFTED, SHIFTED)), make(scene())
-    ground = add_support_rows(acc, DT, moving.moving.motions)
+    ground = add_support_rows(acc, DT, moving.find(MovingSupports).motions)
     k = 0 if integrator == "generalized_alpha" else 1
     own, base = (
         simulated(systems(one)[k], motion, DT, integrator)
@@ -209,7 +209,7 @@ def test_waves_from_two_ends_meet_as_absolute_coordinates_say():
     scene, acc = make(bar()), pulses(1.5) * [[1.0], [0.0], [0.0]]
     damping = DampingConfig(rayleigh=RayleighConfig(alpha=0.5, beta=2e-4))
     made = reduce_scene(scene, ModeChoice(count=2**62), damping).system
-    history = simulated(made, add_support_rows(acc, DT, scene.moving.motions), DT, "modal")
+    history = simulated(made, add_support_rows(acc, DT, scene.find(MovingSupports).motions), DT, "modal")
     absolute = history.disp[:, 0] + displacement(acc[0], DT)
     expected = in_absolute_coordinates(acc[0], 0.5, 2e-4)
     assert np.abs(history.disp[:, 0]).max() > 0.1 * np.abs(expected).max()
@@ -223,7 +223,7 @@ def test_reduced_model_moves_as_its_mesh_does(scene, integrator):
     """Wave passage from bank to bank through three monoliths with friction: openings, probes, ledger."""
     scene, dt = make(scene(right={"delay": 0.08, "factor": 1.2}, middle={"delay": 0.04})), 0.001
     full, reduced = systems(scene)
-    fine = add_support_rows(pulses(2.2, dt), dt, scene.moving.motions)
+    fine = add_support_rows(pulses(2.2, dt), dt, scene.find(MovingSupports).motions)
     own = simulated(reduced, fine, dt, integrator, stride=10)
     mesh = simulated(full, fine, dt, "generalized_alpha", stride=10)
     assert mesh.jump[..., 0].max() > 5e-3
@@ -241,7 +241,7 @@ def test_steps_within_a_base_step_follow_the_support():
     scene, acc = make(valley(right={"delay": 0.08}, **soft)), pulses(2.0)
     reduced = reduce_scene(scene, ModeChoice(count=20), DAMPED).system
     fine = np.stack([np.interp(np.arange(2001) * 0.001, np.arange(201) * DT, row) for row in acc])
-    motions = scene.moving.motions
+    motions = scene.find(MovingSupports).motions
     every = {"integrator": "adaptive", "force_change": 0.0}
     cut = simulated(reduced, add_support_rows(acc, DT, motions), DT, cuts=(10,), **every)
     small = simulated(reduced, add_support_rows(fine, 0.001, motions), 0.001, stride=10, cuts=(), **every)

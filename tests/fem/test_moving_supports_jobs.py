@@ -9,6 +9,7 @@ import romdam
 from romdam.config import load_config, parse_config
 from romdam.core.errors import ConfigError, RecordError, RomdamError
 from romdam.core.fingerprint import fingerprint
+from romdam.core.motion import MovingSupports
 from romdam.pipelines.check import check
 from romdam.pipelines.error.certify import certify
 from romdam.pipelines.moving_supports import scene_of
@@ -109,14 +110,14 @@ def test_a_late_support_of_a_record_that_begins_with_an_acceleration_comes_back(
 def test_record_of_a_support_is_what_it_follows(folder):
     """A record in place of a delay, of the same samples as the job's: the support moves as the base does."""
     scene = scene_of(job(folder, motions={"right": {"record": record()}}))
-    (motion,) = scene.moving.motions
+    (motion,) = scene.find(MovingSupports).motions
     np.testing.assert_allclose(motion.record.acc, pulses(2.2))
     assert motion.name == "supports[2]"
 
 
 def test_motion_is_in_what_a_suite_knows_its_runs_by(folder):
     keys = {
-        fingerprint(scene_of(job(folder, motions=motions)).moving)
+        fingerprint(scene_of(job(folder, motions=motions)).find(MovingSupports))
         for motions in ({}, WAVE, WAVE | {"middle": {"delay": 0.05}}, {"right": WAVE["right"]})
     }
     assert len(keys) == 4

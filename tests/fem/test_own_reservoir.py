@@ -17,6 +17,7 @@ from test_water import job, wall
 import romdam
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.fingerprint import fingerprint
+from romdam.core.scene import Reservoir
 from romdam.effects.added_mass import added_mass
 from romdam.effects.compressible_water import reservoir_waves
 from romdam.fem.water.prism import prism
@@ -27,8 +28,8 @@ OMEGA = FIRST * np.array(BELOW + ABOVE)
 
 def as_file(path, scene):
     """The prism of a scene, with its layers for sound up to 50 Hz or without, as hexahedra in a file."""
-    longest = np.inf if scene.reservoir.sound is None else C / 500.0
-    channel = prism(scene.reservoir, wet_mesh(scene.blocks, scene.reservoir), longest)
+    longest = np.inf if scene.find(Reservoir).sound is None else C / 500.0
+    channel = prism(scene.find(Reservoir), wet_mesh(scene.blocks, scene.find(Reservoir)), longest)
     cells = np.concatenate([cells for _, cells, *_ in channel.cells()])
     return written(path, replace(box((0, 0, 0), (1, 1, 1), 1.0), points=channel.points, cells=cells))
 
@@ -250,7 +251,7 @@ def test_content_of_the_file_and_not_its_name_is_what_a_model_is_known_by(tmp_pa
     keys = []
     for name, edges in (("one", 2.5), ("two", 2.5), ("three", 1.25)):
         (tmp_path / name).mkdir()
-        keys.append(fingerprint(two(tmp_path / name, edges=edges)[0].reservoir))
+        keys.append(fingerprint(two(tmp_path / name, edges=edges)[0].find(Reservoir)))
     assert keys[0] == keys[1] != keys[2]
 
 

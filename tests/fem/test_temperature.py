@@ -82,7 +82,7 @@ def test_a_free_pillar_bends_without_stress(tmp_path):
     scene = build(tmp_path, ACROSS, faces() | {"reference": "8 degC"})
     points = scene.blocks["a"].points
     change = -2.0 + 10.0 * points[:, 1] / THICK
-    np.testing.assert_allclose(scene.warmed["a"], change, atol=1e-9)
+    np.testing.assert_allclose(scene.loads.warmed["a"], change, atol=1e-9)
     kappa, mean = ALPHA * 10.0 / THICK, ALPHA * 3.0
     x, y, z = points[:, 0] - 0.5, points[:, 1] - 1.0, points[:, 2]
     exact = np.stack(
@@ -175,7 +175,7 @@ def test_a_thick_ring(tmp_path):
     scene = build(tmp_path, "node,temperature\n" + rows, load, blocks=blocks, supports=supports)
     points = scene.blocks["a"].points
     r = np.hypot(points[:, 1], points[:, 2])
-    np.testing.assert_allclose(scene.warmed["a"], 10 * np.log(outer / r) / np.log(2.0), atol=1e-9)
+    np.testing.assert_allclose(scene.loads.warmed["a"], 10 * np.log(outer / r) / np.log(2.0), atol=1e-9)
     _, stress = at_rest(scene)
     ratio = inner**2 / (outer**2 - inner**2)
     unit = E * ALPHA * 10.0 / (2 * (1 - NU) * np.log(outer / inner))
@@ -279,7 +279,7 @@ def test_twelve_months_through_the_thickness(tmp_path):
         else:
             w = slab_weights(s, np.full_like(s, THICK), YEAR, 1e-6, through)
         turned = (8 * np.exp(-0.5j) * w[0] + 4 * np.exp(-1j) * w[1]) * np.exp(1j * phase[7])
-        np.testing.assert_allclose(scene.warmed["a"], 2 * s + turned.real, atol=1e-9)
+        np.testing.assert_allclose(scene.loads.warmed["a"], 2 * s + turned.real, atol=1e-9)
 
 
 @pytest.mark.parametrize("through", ["equivalent", "harmonic"])
@@ -297,7 +297,7 @@ def test_twelve_unlike_months_through_a_slab_that_conducts_at_once(tmp_path, thr
         scene = build(tmp_path, "month,elevation,upstream,downstream\n" + rows, load)
         s = scene.blocks["a"].points[:, 1] / THICK
         line = (1.0 - s) * upstream[month - 1] + s * downstream[month - 1] - 10.0
-        np.testing.assert_allclose(scene.warmed["a"], line, atol=1e-4)
+        np.testing.assert_allclose(scene.loads.warmed["a"], line, atol=1e-4)
 
 
 def test_points_and_us_units_give_the_same(tmp_path):
@@ -308,11 +308,11 @@ def test_points_and_us_units_give_the_same(tmp_path):
     load = {"points": {"table": "t.csv", "unit": "degF", "length": "ft"}, "reference": "46.4 degF"}
     scene = build(tmp_path, "x,y,z,temperature\n" + rows, load)
     y = scene.blocks["a"].points[:, 1]
-    np.testing.assert_allclose(scene.warmed["a"], -2 + 5 * y, atol=1e-8)
+    np.testing.assert_allclose(scene.loads.warmed["a"], -2 + 5 * y, atol=1e-8)
     table = f"elevation,upstream,downstream\n0,42.8,60.8\n{20 / ft!r},78.8,60.8\n"  # upstream 6 to 26 degC
     scene = build(tmp_path, table, faces(unit="degF", length="ft") | {"reference": "281.15 K"})
     z = scene.blocks["a"].points[:, 2]
-    np.testing.assert_allclose(scene.warmed["a"], -2 + 5 * y + (1 - y / 2) * z, atol=1e-8)
+    np.testing.assert_allclose(scene.loads.warmed["a"], -2 + 5 * y + (1 - y / 2) * z, atol=1e-8)
 
 
 def test_horizontal_distances_of_a_slope(tmp_path):
@@ -334,7 +334,9 @@ def test_horizontal_distances_of_a_slope(tmp_path):
     foot = [{"block": "a", "face": {"axis": "z", "at": 0.0}}]
     scene = build(tmp_path, table, load, blocks=blocks, supports=foot)
     points = scene.blocks["a"].points @ turn
-    np.testing.assert_allclose(scene.warmed["a"], 100 * points[:, 1] / (18 - 0.8 * points[:, 2]), atol=1e-6)
+    np.testing.assert_allclose(
+        scene.loads.warmed["a"], 100 * points[:, 1] / (18 - 0.8 * points[:, 2]), atol=1e-6
+    )
 
 
 MONTHS = "month,elevation,upstream,downstream\n" + "".join(

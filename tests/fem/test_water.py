@@ -16,6 +16,7 @@ import romdam.effects.added_mass
 import romdam.reduction.storage.model_file
 from romdam.config import parse_config
 from romdam.core.errors import ConfigError, ReductionError
+from romdam.core.scene import Reservoir
 from romdam.effects.added_mass import added_mass, added_mass_matrix
 from romdam.effects.full_order import assemble_full
 from romdam.geometry.elements import SOLIDS
@@ -64,7 +65,7 @@ def rigid_mass(scene):
     water = added_mass(scene)
     rigid = {name: np.tile(np.eye(3), (len(b.points), 1)) for name, b in scene.blocks.items()}
     B = water.on(rigid)
-    unit = 1000.0 * 4.0 * scene.reservoir.level**2
+    unit = 1000.0 * 4.0 * scene.find(Reservoir).level ** 2
     return B.T @ water.times(B) / unit, B.T @ water.ground / unit
 
 
@@ -102,7 +103,7 @@ def test_force_converges_to_the_series():
 @pytest.mark.parametrize("element", ["hex8", "tet10"])
 def test_level_between_nodes_cuts_the_elements(level, element):
     scene, _ = wall("incompressible", element, level)
-    mesh = wet_mesh(scene.blocks, scene.reservoir)
+    mesh = wet_mesh(scene.blocks, scene.find(Reservoir))
     assert mesh.points[:, 2].max() == pytest.approx(level)
     assert rigid_mass(scene)[0][1, 1] == pytest.approx(SERIES, rel=0.006)
 
@@ -355,7 +356,7 @@ def test_water_passes_a_seam_of_faces_that_do_not_meet_node_by_node(edges, level
     boxes = {"a": ([0, 0, 0], [2, 4, 40], [2, 4, 2]), "b": ([2, 0, 0], [2, 4, 40], edges)}
     faces = [{"block": name, "face": "ymin"} for name in boxes]
     scene, _ = job({"level": level, "faces": faces, "model": "incompressible"}, boxes)
-    mesh = wet_mesh(scene.blocks, scene.reservoir)
+    mesh = wet_mesh(scene.blocks, scene.find(Reservoir))
     assert len(mesh.seams) and len(mesh.independent) < (~mesh.surface).sum()
     mass, ground = rigid_mass(scene)
     assert mass[1, 1] == pytest.approx(SERIES, rel=0.006 if edges[2] == 5 else 0.0025)

@@ -55,7 +55,7 @@ def test_mass_and_weight_are_those_of_the_volume(make, element):
         rigid = np.tile(np.eye(3), (len(block.points), 1))
         assert np.abs(rigid.T @ (M @ rigid) - mass * np.eye(3)).max() < 1e-12 * mass
         weight = weight_force(scene, name, M).reshape(-1, 3).sum(axis=0)
-        expected = np.array([0.0, 0.0, 0.0 if name in scene.excluded_from_gravity else -9.81 * mass])
+        expected = np.array([0.0, 0.0, 0.0 if name in scene.loads.excluded_from_gravity else -9.81 * mass])
         assert np.abs(weight - expected).max() < 1e-12 * 9.81 * mass
 
 

@@ -213,7 +213,7 @@ def test_mass_weight_and_material_are_those_of_the_block(make):
         "joints": {"c": {"between": ["left", "right"], "normal_stiffness": 1e9}},
     }
     scene = make(raw)
-    assert scene.excluded_from_gravity == {"left", "right"}
+    assert scene.loads.excluded_from_gravity == {"left", "right"}
     assert {b.material.rho for b in scene.blocks.values()} == {0.0}
 
 

@@ -225,7 +225,7 @@ def test_koyna_is_five_monoliths_on_rock():
     mass = sum(volume_and_centroid(scene.blocks[f"monolith_{k}"])[0] for k in range(1, 6))
     areas = [area_and_centroid(section(KOYNA, base))[0] for base in job.config.gravity_dam.bases]
     assert mass == pytest.approx(15.24 * sum(areas), rel=1e-12)
-    assert all(scene.blocks[name].material.rho == 0.0 for name in scene.excluded_from_gravity)
+    assert all(scene.blocks[name].material.rho == 0.0 for name in scene.loads.excluded_from_gravity)
 
 
 WRONG = {
@@ -275,6 +275,6 @@ def test_without_rock_the_bases_are_held(make):
 
 def test_rock_has_settled_unless_told(make):
     raw = gravity_dam() | {"loads": {"gravity": [0, 0, -9.81]}}
-    assert make(raw).excluded_from_gravity == {f"rock_{k}" for k in ("left", "1", "2", "3", "right")}
+    assert make(raw).loads.excluded_from_gravity == {f"rock_{k}" for k in ("left", "1", "2", "3", "right")}
     raw["gravity_dam"]["rock"] = raw["gravity_dam"]["rock"] | {"weight": True, "mass": True}
-    assert not make(raw).excluded_from_gravity
+    assert not make(raw).loads.excluded_from_gravity

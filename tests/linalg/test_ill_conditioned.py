@@ -91,7 +91,7 @@ def test_a_loose_node_is_named():
     with pytest.raises(MeshError, match=message):
         refuse_bad_cells(loose, "mesh")
     fixed = np.repeat(loose.points[:, 2:] == 0.0, 3, axis=1)
-    scene = Scene({"b": loose}, {}, {"b": fixed}, (), (), np.zeros(3), ())
+    scene = Scene({"b": loose}, {}, {"b": fixed})
     with pytest.raises(MeshError, match=message):
         reduce_scene(scene, ModeChoice(count=3), DampingConfig())
 

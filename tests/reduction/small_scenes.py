@@ -90,7 +90,8 @@ def turned(built: Scene, R: Floats) -> Scene:
         n: dataclasses.replace(j, position=j.position @ R.T, axes=j.axes @ R.T)
         for n, j in built.joints.items()
     }
-    return dataclasses.replace(built, blocks=blocks, joints=joints, gravity=R @ built.gravity)
+    loads = dataclasses.replace(built.loads, gravity=R @ built.loads.gravity)
+    return dataclasses.replace(built, blocks=blocks, joints=joints, loads=loads)
 
 
 def renumbered(built: Scene, seed: int = 0) -> Scene:
@@ -114,7 +115,12 @@ def renumbered(built: Scene, seed: int = 0) -> Scene:
         blocks=blocks,
         fixed=fixed,
         joints=joints,
-        pressures=tuple(dataclasses.replace(p, facets=new[p.block][p.facets]) for p in built.pressures),
+        loads=dataclasses.replace(
+            built.loads,
+            pressures=tuple(
+                dataclasses.replace(p, facets=new[p.block][p.facets]) for p in built.loads.pressures
+            ),
+        ),
         probes=tuple(dataclasses.replace(p, node=new[p.block][p.node]) for p in built.probes),
     )
 
@@ -145,8 +151,9 @@ def scaled(built: Scene, factor: float) -> Scene:
         n: dataclasses.replace(j, K_n=j.K_n * factor, K_nz=j.K_nz * factor, K_s=j.K_s * factor)
         for n, j in built.joints.items()
     }
-    pressures = tuple(dataclasses.replace(p, value=p.value * factor) for p in built.pressures)
-    return dataclasses.replace(built, blocks=blocks, joints=joints, pressures=pressures)
+    pressures = tuple(dataclasses.replace(p, value=p.value * factor) for p in built.loads.pressures)
+    loads = dataclasses.replace(built.loads, pressures=pressures)
+    return dataclasses.replace(built, blocks=blocks, joints=joints, loads=loads)
 
 
 def dense(system: System) -> tuple[Floats, ...]:

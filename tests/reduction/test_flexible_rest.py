@@ -1,6 +1,5 @@
 """Static answers without mass: the flexibility that modes leave of a large interface."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +9,7 @@ from simulating import simulated
 
 from romdam.config.sections.job import DampingConfig
 from romdam.core.basis import BlockBasis
+from romdam.core.scene import FreeField, Reservoir
 from romdam.effects.full_order import assemble_full
 from romdam.error.metrics import relative_l2
 from romdam.fem.assembly import assemble, assemble_mass
@@ -180,9 +180,11 @@ def test_three_times_the_modes_stand_beside_them_and_a_tenth_of_the_unknowns_at_
 )
 def test_what_sees_accelerations_or_velocities_keeps_the_mass(massless, seen):
     part = SimpleNamespace(stands_free=lambda scene: seen.get("free", True))
-    sound = SimpleNamespace(sound=seen["sound"]) if "sound" in seen else None
     dam = SimpleNamespace(absorbing=seen.get("absorbing", False))
-    scene = SimpleNamespace(free_field=seen.get("field"), reservoir=sound, blocks={"dam": dam})
+    has = {FreeField: seen.get("field")}
+    if "sound" in seen:
+        has[Reservoir] = SimpleNamespace(sound=seen["sound"])
+    scene = SimpleNamespace(find=has.get, blocks={"dam": dam})
     loads = SimpleNamespace(carried={"dam": seen.get("carried", np.zeros((3, 0)))})
     whole = SimpleNamespace(scene=scene, block_loads=loads, blocks=["dam"], mesh_part=part)
     assert flexible_rest.needs_no_mass(whole, seen.get("directions", 11)) is (not seen)
@@ -219,7 +221,7 @@ def test_water_presses_on_what_has_no_mass_and_adds_none(make, massless):
         system.B @ np.linalg.solve(system.K.toarray(), np.asarray(load))
         for system, load in ((model.system, model.system.load), (full, full.load))
     )
-    dry = reduce_scene(replace(scene, reservoir=None), ModeChoice(count=4), DAMPING).system
+    dry = reduce_scene(scene.without(Reservoir), ModeChoice(count=4), DAMPING).system
     without = dry.B @ np.linalg.solve(dry.K.toarray(), np.asarray(dry.load))
     assert np.abs(found - without).max() > 0.1 * np.abs(without).max()
     np.testing.assert_allclose(found, wanted, atol=1e-6 * np.abs(wanted).max())

@@ -61,7 +61,7 @@ def block_on_rock(slope: float = 0.0, stiff: float = 1e3, **joint: Any) -> Scene
     lean = turned(
         scene(raw_block_on_rock(stiff, **joint)), np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
     )
-    return dataclasses.replace(lean, gravity=np.array([0.0, 0.0, -G]))
+    return dataclasses.replace(lean, loads=dataclasses.replace(lean.loads, gravity=np.array([0.0, 0.0, -G])))
 
 
 def pulse(dt: float, acceleration: float, duration: float = 0.4, end: float = 2.5) -> Floats:

@@ -16,7 +16,7 @@ from romdam.config.sections.job import BoxConfig
 from romdam.config.sections.joints import JointConfig
 from romdam.config.sections.water import WaterConfig
 from romdam.core.errors import ConfigError
-from romdam.core.scene import FacePressure, Material, Probe, Scene, StressNodes, StressSites, Tie
+from romdam.core.scene import FacePressure, Material, Probe, Scene, StaticLoads, StressNodes, StressSites, Tie
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import Assembly, assemble
 from romdam.fem.loads import static_force
@@ -49,8 +49,7 @@ def scene(*blocks, held=(), **more):
     fixed = {
         b.name: np.tile((b.points[:, 2:] == b.points[:, 2].min()) & (b.name in held), (1, 3)) for b in blocks
     }
-    keys = {"joints": {}, "fixed": fixed, "pressures": (), "forces": (), "gravity": np.zeros(3), "probes": ()}
-    return Scene(**({"blocks": {b.name: b for b in blocks}} | keys | more))
+    return Scene(**({"blocks": {b.name: b for b in blocks}, "joints": {}, "fixed": fixed} | more))
 
 
 def tower(coarse=3, fine=4, height=3.0, held=("low",), **more):
@@ -136,8 +135,10 @@ def foot(**more):
     return dataclasses.replace(
         whole,
         joints={"c": joint},
-        pressures=tuple(FacePressure(name, facets, 1e4) for name, facets in push),
-        gravity=np.array([0.0, 0.0, -9.81]),
+        loads=StaticLoads(
+            gravity=np.array([0.0, 0.0, -9.81]),
+            pressures=tuple(FacePressure(name, facets, 1e4) for name, facets in push),
+        ),
         probes=(Probe("foot", "left", int(whole.ties[0].nodes[0][0])), Probe("top", "right", 0)),
     )
 
@@ -347,7 +348,9 @@ def test_weight_and_stress_are_those_of_the_mesh():
         {},
         None,
     )
-    built = dataclasses.replace(foot(), staged_weight=True, stress=sites)
+    base = foot()
+    loads = dataclasses.replace(base.loads, staged_weight=True)
+    built = dataclasses.replace(base, loads=loads, stress=sites)
     model = reduced(built, cutoff=60.0)
     by_mesh, by_basis = staged_displacement(built), staged_displacement(built, model.basis)
     for name in built.blocks:

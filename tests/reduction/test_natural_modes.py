@@ -1,6 +1,5 @@
 """Natural modes: rods and springs with closed forms, and meshes made one by hand."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.sparse.linalg import eigsh
 from romdam.config import load_config, parse_config
 from romdam.config.sections.job import DampingConfig, RayleighConfig
 from romdam.core.errors import ConfigError
+from romdam.core.scene import Reservoir
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
 from romdam.fem.assembly import assemble
@@ -168,7 +168,7 @@ def test_water_is_that_of_the_dense_problem():
         raw["water"] = {"level": 5.0, "faces": faces, "model": model}
         scene = built(raw, "tied")
         found = natural_modes(scene, NONE, 8)
-        for freq, one in ((found.freq, scene), (found.dry_freq, replace(scene, reservoir=None))):
+        for freq, one in ((found.freq, scene), (found.dry_freq, scene.without(Reservoir))):
             system = assemble_full(one, NONE)
             exact = eigh(system.K.toarray(), system.M.toarray(), eigvals_only=True)[:8]
             assert freq == pytest.approx(np.sqrt(exact) / 2 / np.pi, rel=1e-9)
@@ -184,7 +184,7 @@ def test_all_effective_masses_with_water_sum_to_less_than_the_total():
     scene = built(raw, "tied")
     system = assemble_full(scene, NONE)
     modes = natural_modes(scene, NONE, system.size)
-    dry = natural_modes(replace(scene, reservoir=None), NONE, system.size)
+    dry = natural_modes(scene.without(Reservoir), NONE, system.size)
     assert (modes.effective_mass.sum(axis=0) < modes.total_mass).all()
     assert modes.total_mass[1:] == pytest.approx(dry.total_mass[1:], rel=1e-9)
     assert modes.total_mass[0] > modes.effective_mass.sum(axis=0)[0] > dry.total_mass[0]
@@ -218,6 +218,6 @@ def test_tied_arch_dam_is_one_mesh(element):
 @pytest.mark.slow
 def test_tied_arch_dam_of_the_configuration_is_one_mesh():
     job = load_config(ROOT / "configs" / "arch_dam.yaml")
-    scene = replace(build_scene(job.config, job.folder, "arch_dam.yaml"), reservoir=None)
+    scene = build_scene(job.config, job.folder, "arch_dam.yaml").without(Reservoir)
     tied = tie_joints(scene, scene.joints, job.config.every_joint, "arch_dam.yaml")
     assert natural_modes(tied, NONE, 10).freq == pytest.approx(by_hand(scene, 10), rel=1e-6)

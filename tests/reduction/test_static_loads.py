@@ -67,7 +67,7 @@ def test_still_water_on_a_curved_face():
         loads = {"hydrostatic": [{"level": level, "faces": faces}]}
         scene = build(raw | {"transient": {"finest_step": 0.01}, "loads": loads})
         coarse, fine = np.zeros(3), np.zeros(3)
-        for water in scene.water:
+        for water in scene.loads.water:
             points = scene.blocks[water.block].points
             coarse += hydrostatic_force(points, water).sum(axis=0)
             fine += by_small_squares(points[water.facets], water)

@@ -148,19 +148,8 @@ def make_case(mu: float = 0.6, reduced: bool = True, joints: bool = True) -> Cas
     zero, one = np.zeros(1), np.ones(1)
     anchor = Attachment("anchors", "A", {"left": csr_matrix((1, 24))}, one, zero, zero, one, zero)
     damper = Attachment("dampers", "D", {"left": csr_matrix((1, 24))}, damping=one)
-    scene = Scene(
-        blocks,
-        found,
-        fixed,
-        (),
-        (),
-        np.zeros(3),
-        probes,
-        make_sites(),
-        moving=moving,
-        force_histories=(push,),
-        attachments=(anchor, damper),
-    )
+    scene = Scene(blocks, found, fixed, probes=probes, stress=make_sites())
+    scene = scene.with_effects(moving, push, anchor, damper)
     acc = np.zeros((3, 401))
     acc[1] = np.sin(np.arange(401) * 0.05)
     motion = GroundMotion("quake", acc, 0.005, {"sha256": "abc"}, ("a warning",))

@@ -25,7 +25,7 @@ def stored(tmp_path_factory):
     box = BoxConfig(origin=(0.0,) * 3, size=(2.0, 2.0, 6.0), element_size=1.0)
     block = box_block("tower", box, Material(30e9, 0.2, 2400.0), "s")
     fixed = {"tower": np.repeat((block.points[:, 2] == 0.0)[:, None], 3, axis=1)}
-    scene = Scene({"tower": block}, {}, fixed, (), (), np.zeros(3), ())
+    scene = Scene({"tower": block}, {}, fixed)
     made = reduce_scene(scene, ModeChoice(cutoff=200.0), DampingConfig(), BlockStore(folder))
     return folder / write_model(folder, scene, made.basis), next(folder.glob("block-*.h5")), made
 

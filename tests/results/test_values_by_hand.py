@@ -160,8 +160,8 @@ def make_scene():
         Attachment("dampers", "pad", rows, none, one, none, none, none),
         Attachment("anchors", "south", rows, none, none, none, one, none),
     )
-    rest = {"moving": moving, "force_histories": (push,), "attachments": attachments}
-    return Scene(blocks, joints, held, (), (), np.zeros(3), probes, sites, **rest)
+    scene = Scene(blocks, joints, held, probes=probes, stress=sites)
+    return scene.with_effects(moving, push, *attachments)
 
 
 def rows_of(factor, values):

@@ -10,6 +10,7 @@ from scene_builders import box, two_boxes
 from romdam.core.errors import ConfigError
 from romdam.core.files import check_file
 from romdam.core.machine import machine_memory
+from romdam.core.scene import Reservoir
 from romdam.geometry.elements import SOLIDS
 
 CONCRETE = {"E": 30e9, "nu": 0.18, "rho": 2440.0}
@@ -172,7 +173,7 @@ def test_a_face_between_contacts_on_both_sides_is_wet(make, tmp_path):
             "upstream": [0, -1, 0],
         },
     }
-    assert np.array_equal(make(raw, tmp_path).reservoir.upstream, [0, -1, 0])
+    assert np.array_equal(make(raw, tmp_path).find(Reservoir).upstream, [0, -1, 0])
     raw["water"]["faces"] = [{"block": "dam", "face": "xmin"}]
     with pytest.raises(ConfigError, match=r"the face is not wet: 1 of its 1 facets lie in the contact 't'"):
         make(raw, tmp_path)

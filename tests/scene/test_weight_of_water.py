@@ -24,7 +24,7 @@ def test_water_weighs_with_the_vertical_part_of_gravity(gravity, weight):
     raw["loads"] |= {} if gravity is None else {"gravity": gravity}
     config = parse_config(raw, "dam.yaml")
     scene = build_scene(config, Path(), "dam.yaml")
-    assert [one.weight for one in scene.water] == [1000.0 * weight]
+    assert [one.weight for one in scene.loads.water] == [1000.0 * weight]
     raw["loads"]["gravity"] = [0, 0, -9.81]
     reference = build_scene(parse_config(raw, "dam.yaml"), Path(), "dam.yaml")
     water, whole = (one.joints["gap"].water for one in (scene, reference))

@@ -142,7 +142,7 @@ def test_joints_damping_and_loads_reduce_nothing(tmp_path, counted):
     before = len(counted)
     joint = next(iter(built.joints.values()))
     other = with_joints(built, K_n=2.0 * joint.K_n, gap=joint.gap + 1e-3)
-    other = replace(other, gravity=np.array([0.0, 0.0, -5.0]))
+    other = replace(other, loads=replace(other.loads, gravity=np.array([0.0, 0.0, -5.0])))
     damping = DAMPING.model_copy(update={"rayleigh": RayleighConfig(alpha=0.1, beta=1e-3)})
     found = reduced(store, other, damping=damping)
     assert len(counted) == before

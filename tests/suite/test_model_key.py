@@ -28,7 +28,7 @@ def test_water_in_a_joint_at_another_level_is_a_load_that_the_basis_answers():
     job, built = Job(parse_config(config, "s.yaml"), Path("s.yaml")), scene(config)
     (name,), (joint,) = built.joints, built.joints.values()
     wet = replace(built, joints={name: replace(joint, water=np.full(len(joint.area), 1e6))})
-    warm = replace(built, warmed=dict.fromkeys(built.blocks, 5.0))
+    warm = replace(built, loads=replace(built.loads, warmed=dict.fromkeys(built.blocks, 5.0)))
     keys = {_model_key(job, built, also) for also in ((), (built,), (wet,), (warm,))}
     assert len(keys) == 4
 

@@ -11,9 +11,12 @@ from scipy.sparse import csr_matrix
 
 from romdam.config.sections.geometry.matrices import MatricesConfig
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.attachment import Attachment
 from romdam.core.errors import ConfigError, MeshError
-from romdam.core.known import refuse_unknown
-from romdam.core.scene import Block, Scene
+from romdam.core.final_state import InitialState
+from romdam.core.known import refuse_unknown, refuse_unknown_kinds
+from romdam.core.motion import MovingSupports
+from romdam.core.scene import Block, ConstructionStage, ForceHistory, FreeField, Reservoir, Scene
 from romdam.core.system import BlockMatrices
 from romdam.geometry.matrices.checks import Checked, check_matrices
 from romdam.geometry.matrices.data import MatrixUnknowns
@@ -26,9 +29,13 @@ log = logging.getLogger(__name__)
 _NOTHING = 1e-12  # weights and cosines below it are rounding
 # fields whose action on a block of matrices is known: by its matrices, or by the nodes of `_acted_on`
 _OF_SCENE = {
-    "blocks", "joints", "fixed", "pressures", "forces", "gravity", "probes", "stress", "ties", "water",
-    "warmed", "excluded_from_gravity", "radiating", "free_field", "staged_weight", "reservoir", "moving",
-    "force_histories", "initial", "construction", "attachments", "remarks", "load_order",
+    "blocks", "joints", "fixed", "loads", "probes", "stress", "ties", "radiating", "effects", "remarks",
+}  # fmt: skip
+_OF_LOADS = {
+    "gravity", "pressures", "forces", "water", "warmed", "excluded_from_gravity", "staged_weight", "order",
+}  # fmt: skip
+_KINDS = {
+    Attachment, ConstructionStage, ForceHistory, FreeField, InitialState, MovingSupports, Reservoir,
 }  # fmt: skip
 _OF_BLOCK = {
     "name", "element", "points", "cells", "material", "faces", "absorbing", "matrices", "unsound_faces",
@@ -164,14 +171,17 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
             continue
         what = f"known of block {name!r}, which has matrices of its own"
         refuse_unknown(scene, _OF_SCENE, what)
+        refuse_unknown(scene.loads, _OF_LOADS, what)
+        refuse_unknown_kinds(scene.effects, _KINDS, what)
         refuse_unknown(block, _OF_BLOCK, what)
-        if scene.free_field is not None and name in scene.free_field.blocks:
+        field = scene.find(FreeField)
+        if field is not None and name in field.blocks:
             raise ConfigError(
                 f"{source}: ground.input: the waves of free_field in rock {name!r} are not {what}; mesh the "
                 "block, or give ground.input: uniform"
             )
-        stages = [stage.warmed.get(name, 0.0) for stage in scene.construction]
-        warmed = name in scene.warmed or any(np.any(change) for change in stages)
+        stages = [stage.warmed.get(name, 0.0) for stage in scene.every(ConstructionStage)]
+        warmed = name in scene.loads.warmed or any(np.any(change) for change in stages)
         if warmed or (scene.stress is not None and name in scene.stress.blocks):
             key = "loads.temperature: the change" if warmed else "outputs.stress: the stress"
             raise ConfigError(
@@ -193,20 +203,25 @@ def refuse_unreached(scene: Scene, supported: dict[str, Bools], source: str) -> 
 
 def _acted_on(scene: Scene, name: str) -> list[tuple[str, Ints, Bools]]:
     """Actions on nodes of a block: key, nodes, and (k, 3) which of their components."""
-    pairs = [("loads.pressure", load.facets.ravel()) for load in scene.pressures if load.block == name]
-    pairs += [("loads.hydrostatic", water.facets.ravel()) for water in scene.water if water.block == name]
-    pairs += [(force.load, np.array([force.node])) for force in scene.forces if force.block == name]
+    pairs = [("loads.pressure", load.facets.ravel()) for load in scene.loads.pressures if load.block == name]
+    pairs += [
+        ("loads.hydrostatic", water.facets.ravel()) for water in scene.loads.water if water.block == name
+    ]
+    pairs += [(force.load, np.array([force.node])) for force in scene.loads.forces if force.block == name]
     pairs += [
         (one.signal.name, np.flatnonzero(one.nodal.any(axis=1)))
-        for one in scene.force_histories
+        for one in scene.every(ForceHistory)
         if one.block == name
     ]
     pairs += [
-        (one.key, np.unique(one.rows[name].indices // 3)) for one in scene.attachments if name in one.rows
+        (one.key, np.unique(one.rows[name].indices // 3))
+        for one in scene.every(Attachment)
+        if name in one.rows
     ]
     pairs += [("ground.viscous", face.facets.ravel()) for face in scene.blocks[name].absorbing]
-    if scene.reservoir is not None:
-        wet = (*scene.reservoir.faces, *scene.reservoir.rock)
+    reservoir = scene.find(Reservoir)
+    if reservoir is not None:
+        wet = (*reservoir.faces, *reservoir.rock)
         pairs += [("water", face.facets.ravel()) for face in wet if face.block == name]
     actions = [(key, nodes, np.ones((len(nodes), 3), dtype=bool)) for key, nodes in pairs]
     shear = any(j.mu.any() or any(rows.shear for rows in j.laws) for j in scene.joints.values())

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.linalg.lapack import dpstrf, dtrtri
 
 from romdam.core.arrays import Floats
+from romdam.core.scene import FreeField, Reservoir
 from romdam.core.threads import DENSE_EIGENPROBLEM, threads_for
 from romdam.linalg.dense import eigh
 from romdam.reduction.methods.attachment_modes import StaticPencil
@@ -52,12 +53,12 @@ def needs_no_mass(substructure: Substructure, directions: int) -> bool:
     directions : number of static answers
     """
     scene, loads = substructure.scene, substructure.block_loads
-    blocks = substructure.blocks
+    blocks, water = substructure.blocks, scene.find(Reservoir)
     return (
         directions > MANY
         and substructure.mesh_part.stands_free(scene)
-        and scene.free_field is None
-        and (scene.reservoir is None or scene.reservoir.sound is None)
+        and scene.find(FreeField) is None
+        and (water is None or water.sound is None)
         and not any(scene.blocks[name].absorbing for name in blocks)
         and not any(loads.carried[name].any() for name in blocks)
     )

@@ -24,6 +24,7 @@ import numpy as np
 
 from romdam.core.basis import BlockBasis
 from romdam.core.errors import ConfigError
+from romdam.core.scene import Reservoir
 from romdam.linalg.solvers import make_solver
 from romdam.reduction.methods.merged_part import merge_blocks, sustained_forces
 from romdam.reduction.mode_choice import ModeChoice
@@ -51,7 +52,7 @@ class Massless(Reductor):
 
     def refuse(self, substructure: Substructure) -> None:
         """Refuse water whose mass is on the part."""
-        reservoir = substructure.scene.reservoir
+        reservoir = substructure.scene.find(Reservoir)
         if reservoir is None:
             return
         for key, faces in (("faces", reservoir.faces), ("rock", reservoir.rock)):

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix, diags_array, eye_array, hstack
 
 from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.scene import FreeField
 from romdam.effects.added_mass import WetMass
 from romdam.effects.free_field import field_motions
 from romdam.fem.absorbing import boundary_dashpots
@@ -235,7 +236,7 @@ def ground_inertia(substructure: Substructure) -> list[Floats]:
     mesh_part, scene = substructure.mesh_part, substructure.scene
     inertia = {name: substructure.assembly.inertia(name) for name in mesh_part.blocks}
     shaken = [name for name in mesh_part.blocks if name not in scene.radiating]
-    heavy = [name for name in mesh_part.blocks if name not in scene.excluded_from_gravity]
+    heavy = [name for name in mesh_part.blocks if name not in scene.loads.excluded_from_gravity]
     total = []
     for blocks in (shaken, heavy) if 0 < len(heavy) < len(mesh_part.blocks) else (shaken,):
         counted = {
@@ -262,7 +263,7 @@ def boundary_tractions(substructure: Substructure) -> Floats:
 
 def free_field_forces(substructure: Substructure) -> csr_matrix:
     """Static forces that move rock as `field_motions` of the free field do, (3 nodes, columns)."""
-    mesh_part, field = substructure.mesh_part, substructure.scene.free_field
+    mesh_part, field = substructure.mesh_part, substructure.scene.find(FreeField)
     if field is None or field.blocks.isdisjoint(mesh_part.blocks):
         return csr_matrix((3 * mesh_part.nodes, 0))
     return csr_matrix(

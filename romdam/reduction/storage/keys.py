@@ -9,6 +9,7 @@ answers its inertia. See `romdam.reduction.reductor.basis_keys`.
 
 from __future__ import annotations
 
+from romdam.core.motion import MovingSupports
 from romdam.core.scene import FreeField, Material
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import Substructure
@@ -42,13 +43,15 @@ def key_content(substructure: Substructure, choice: ModeChoice) -> tuple[object,
         for name in mesh_part.blocks
     ]  # fmt: skip
     kinds = [
-        sorted(names & set(mesh_part.blocks)) for names in (scene.excluded_from_gravity, scene.radiating)
+        sorted(names & set(mesh_part.blocks))
+        for names in (scene.loads.excluded_from_gravity, scene.radiating)
     ]
     slaves = () if mesh_part.slaves is None else (mesh_part.slaves,)
-    waves = () if scene.free_field is None else (_waves(scene.free_field),)
-    moved = [] if scene.moving is None else [scene.moving.components[name] for name in mesh_part.blocks]
+    field, moving = scene.find(FreeField), scene.find(MovingSupports)
+    waves = () if field is None else (_waves(field),)
+    moved = [] if moving is None else [moving.components[name] for name in mesh_part.blocks]
     carried = (moved,) if any((number >= 0).any() for number in moved) else ()
-    shares = {} if scene.moving is None else scene.moving.shares
+    shares = {} if moving is None else moving.shares
     carried += tuple(shares[name] for name in mesh_part.blocks if name in shares)
     matrices = [m for name in mesh_part.blocks if (m := scene.blocks[name].matrices) is not None]
     water = (wet,) if choice.finer and wet is not None else ()

@@ -40,7 +40,7 @@ def staged_displacement(scene: Scene, basis: Mapping[str, BlockBasis] | None = N
         where nothing but joints holds a part: it cannot stand free.
     """
     displacement = {name: np.zeros_like(block.points) for name, block in scene.blocks.items()}
-    if not scene.staged_weight or not scene.gravity.any():
+    if not scene.loads.staged_weight or not scene.loads.gravity.any():
         return displacement
     for mesh_part in scene_parts(scene).values():
         if not mesh_part.stands_free(scene):
@@ -134,7 +134,7 @@ def initial_stress(
     rest : (n,) displacement of the unknowns at rest, where there are sustained moduli
     """
     stress = thermal_stress(scene)
-    if not scene.staged_weight and not scene.sustained_ratios:
+    if not scene.loads.staged_weight and not scene.sustained_ratios:
         return stress
     displacement = _stressing_displacement(scene, basis, rest)
     return {

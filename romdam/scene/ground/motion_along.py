@@ -24,7 +24,7 @@ from romdam.config.sections.motion_along import MOST_STATIONS, MotionAlongConfig
 from romdam.core.arrays import Bools, Floats
 from romdam.core.errors import ConfigError
 from romdam.core.motion import Incoherence, MovingSupports, SupportMotion
-from romdam.core.scene import Block, Scene
+from romdam.core.scene import Block, Reservoir, Scene
 
 log = logging.getLogger(__name__)
 
@@ -273,20 +273,19 @@ def interpolation_error(along: Floats, at: Floats, slowness: float, loss: float,
     return float(np.sqrt(worst))
 
 
-def along_remarks(scene: Scene, config: MotionAlongConfig | None) -> Iterator[str]:
+def along_remarks(scene: Scene, moving: MovingSupports, config: MotionAlongConfig) -> Iterator[str]:
     """Tell what supports move by position, and what does not move with them."""
-    if config is None or scene.moving is None:
-        return
     if config.beyond == "hold":
         count = 0
-        for name, shares in scene.moving.shares.items():
+        for name, shares in moving.shares.items():
             whole = np.asarray(shares[:, [0, -1]].toarray()) == 1.0
             count += int((whole & scene.fixed[name].any(axis=1, keepdims=True)).sum())
         yield (
             f"ground.along.beyond: hold: {count} nodes of supports move as the first or the last station, "
             "at or beyond them"
         )
-    if scene.reservoir is not None and not scene.reservoir.rock:
+    water = scene.find(Reservoir)
+    if water is not None and not water.rock:
         yield (
             "ground.along: the floor and the banks of the reservoir move as the record, not along with the "
             "supports; with rock that is meshed, `water.rock` lets them move with it"
