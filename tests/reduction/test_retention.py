@@ -9,6 +9,7 @@ from small_scenes import DAMPING, march, raw, reduced, scene, shaking
 
 from romdam.config.sections.job import ModelConfig
 from romdam.core.errors import MeshError
+from romdam.core.scene import StaticLoads
 from romdam.error.metrics import relative_l2
 from romdam.fem.gaps import gap_operators
 from romdam.reduction.interface import joint_interface, sees_more_nodes_than_gaps
@@ -117,7 +118,7 @@ def test_gaps_that_say_the_same_are_answered_once():
         )
     }
     few = dataclasses.replace(joint, weights=(csr_matrix(vstack([rows, rows[:1]])),) * 2, **own)
-    built = dataclasses.replace(built, joints={"c": few}, pressures=())
+    built = dataclasses.replace(built, joints={"c": few}, loads=StaticLoads())
     some, whole = reduced(built, modes=4), reduced(built)
     exact = flexibility(whole.system)
     assert np.abs(flexibility(some.system) - exact).max() < 1e-9 * np.abs(exact).max()
