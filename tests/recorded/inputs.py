@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -59,3 +60,22 @@ def write_formats(folder: Path) -> None:
     window = np.where(time > 2.0, (time - 2.0) * np.exp(-1.7 * (time - 2.0)), 2e-4)
     ramp = (0.003 + 0.002 * time)[:, None]
     np.savetxt(folder / "long.txt", noise * window[:, None] + ramp, fmt="%.9g")
+
+
+def write_meshes(folder: Path) -> None:
+    """Mesh files of every format, matrices of CalculiX, a surface that cuts, and a reservoir."""
+    from reservoir_meshes import box, written
+
+    data = Path(__file__).parents[1] / "geometry" / "data"
+    own = Path(__file__).parents[2] / "data" / "meshes" / "two_monoliths.msh"
+    for path in [*data.glob("*.*"), *(data / "calculix").iterdir(), own]:
+        shutil.copy(path, folder)
+    (folder / "README.md").unlink()
+    corners = [(5.9, -1, -1), (6.4, 5, -1), (6.7, 5, 7), (6.1, -1, 7)]
+    facets = [[corners[k] for k in ks] for ks in ((0, 1, 2), (0, 2, 3))]
+    lines = ["solid s"]
+    for facet in facets:
+        lines += ["facet normal 0 0 0", "outer loop", *(f"vertex {x} {y} {z}" for x, y, z in facet)]
+        lines += ["endloop", "endfacet"]
+    (folder / "cut.stl").write_text("\n".join([*lines, "endsolid s"]) + "\n")
+    written(folder / "reservoir.msh", box([0, -7, 0], [9, 7, 5], [3.0, 3.5, 2.5], "hex8"))

@@ -3,6 +3,29 @@
 A number before a command is the exit code that it ends with.
 """
 
+MESHES = (
+    "hex8_free_bdf",
+    "hex20_large_bdf",
+    "hex20_inp",
+    "hex27_inp",
+    "tet10_unv",
+    "tet4_mail",
+    "hex20_mail",
+    "wedge15_unv",
+    "wedge6_bdf",
+    "hex8_cdb",
+    "hex20_cdb",
+    "tet10_22_binary_msh",
+    "mixed20_msh",
+    "mixed8_22_msh",
+    "mixed20_med",
+    "pyramid13_med",
+    "pyramid5_binary_msh",
+    "hex27_22_msh",
+    "wedge15_inp",
+    "tet10_bdf",
+)
+
 JOBS: dict[str, tuple[str, ...]] = {
     "blocks": (
         "check blocks.yaml",
@@ -72,5 +95,17 @@ JOBS: dict[str, tuple[str, ...]] = {
         "export export.yaml --to abaqus --out abaqus --duration 0.1",
         "export export.yaml --to code_aster --out code_aster --duration 0.1",
         "export export.yaml --to matrices --out matrices",
+    ),
+    "meshes": (
+        *(f"check {mesh}.yaml --json" for mesh in MESHES),
+        "run auto.yaml --out auto",
+        "run cut.yaml --out cut",
+        "run cylinder.yaml --out cylinder",
+        "run matrices.yaml --out matrices",
+    ),
+    "chosen": (
+        "run aligned.yaml --out aligned",
+        "run symmetric.yaml --out out",
+        "view out/one.nc --html out/view.html --frames 3",
     ),
 }

@@ -2,9 +2,9 @@
 
     python tests/recorded/record.py [JOB ...] [--check]
 
-Each line of what has changed is a job, what it is of, what it was and what it is. `--check` writes nothing and
-exits with 1 where something has changed. A change that is meant is explained in the commit that changes a
-reference.
+Each line of what has changed is a job, what it is of, what it was and what it is. `--check` writes nothing
+and exits with 1 where something has changed. A change that is meant is explained in the commit that changes
+a reference.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-sys.path.append(str(Path(__file__).parents[1] / "records"))
+sys.path += [str(Path(__file__).parents[1] / room) for room in ("records", "")]
 
 import digest
 from jobs import JOBS

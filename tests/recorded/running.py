@@ -85,6 +85,8 @@ def recorded(name: str, folder: Path) -> digest.Digest:
     inputs.write(folder)
     if name == "records":
         inputs.write_formats(folder)
+    if name == "meshes":
+        inputs.write_meshes(folder)
     before = {path for path in folder.rglob("*") if path.is_file()}
     found: digest.Digest = {}
     with chdir(folder), figures_as_numbers() as figures:

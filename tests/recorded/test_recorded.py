@@ -1,8 +1,8 @@
 """Numbers and texts of jobs in which nothing is symmetric, zero or one are those of the references.
 
 A difference says that something has changed, not that it is wrong; what is right is for the other tests. If
-the change is meant, `python tests/recorded/record.py` makes the references again and prints each difference, and
-the commit explains it.
+the change is meant, `python tests/recorded/record.py` makes the references again and prints each difference,
+and the commit explains it.
 """
 
 import pytest
