@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from romdam.config.load import Job
 from romdam.config.other_mesh import with_spacing
 from romdam.core.motion import GroundMotion
-from romdam.error.discretisation import OVER_COARSER, OVER_FINER, MeshRun, discretisation
+from romdam.error.comparison import OVER_COARSER, OVER_FINER
+from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import percent
 from romdam.pipelines.automatic_modes import FIRST, with_modes, with_vectors
 from romdam.pipelines.error.sibling import run_of
@@ -59,7 +60,7 @@ def choose_spacing(job: Job, motions: list[GroundMotion], store: BlockStore | No
     while times > _FINEST:
         half = times // 2
         better = _run(with_spacing(trial, half * distance), motion, store)
-        about = {"record": motion.name, "seconds": float(judged.history.time[-1])}
+        about = {"record": motion.name, "seconds": float(judged.time[-1])}
         if not _differ(judged, better, nodes):  # two runs that are the same say nothing of either
             times, judged = half, better
             continue

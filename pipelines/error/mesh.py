@@ -7,7 +7,7 @@ convergence.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from romdam.config.load import Job, Source, naming_lines
@@ -15,12 +15,11 @@ from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.core.files import prepare_folder
 from romdam.core.motion import GroundMotion
 from romdam.core.scene import Scene
-from romdam.core.scene_digest import scene_digest
 from romdam.core.threads import one_thread
 from romdam.error.discretisation import MeshRun, SiblingRun, discretisation
-from romdam.error.statement import ErrorStatement, write_verification
 from romdam.pipelines.automatic_spacing import automatic_joints
 from romdam.pipelines.error.sibling import run_with_stress, sibling_jobs, with_stress
+from romdam.pipelines.error.verify import Verified, labels, refuse_without_joints, write_statement
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting
@@ -38,15 +37,6 @@ from romdam.pipelines.sizes import refuse_lengths
 from romdam.records.record_set import load_motions
 
 
-@dataclass(frozen=True)
-class VerifiedMesh:
-    """The error of the mesh: `statement` as written to `path`, and a figure of both opening histories."""
-
-    statement: ErrorStatement
-    path: Path
-    figure: Path
-
-
 @one_thread()
 @naming_lines
 def verify_mesh(
@@ -56,7 +46,7 @@ def verify_mesh(
     *,
     finer: bool = True,
     show: Stage = silent,
-) -> VerifiedMesh:
+) -> Verified:
     """Run a job on its mesh and on a sibling, on the first record, and state what the mesh changes.
 
     Parameters
@@ -73,16 +63,13 @@ def verify_mesh(
         for bad input, a scene without joints, a mesh without a sibling, and steps that do not converge.
     """
     job = load_config(job)
-    if not job.config.every_joint:
-        raise ConfigError(
-            f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
-        )
+    refuse_without_joints(job)
     sibling_jobs(job, finer=finer)  # refused before records are read
     folder, clock = prepare_folder(Path(out)), Clock(show)
     motions = load_motions(job.config.records, job.folder)[:1]
     refuse_drifting(job, motions)
     log_warnings(job, motions)
-    whole, motion = motions[0], as_run(job, motions[0], duration)
+    motion = as_run(job, motions[0], duration)
     seconds = motion.duration if duration is None else min(duration, motion.duration)
     refuse_lengths(job, [motion], seconds)
     if job.config.transient.total_accuracy is not None:
@@ -106,20 +93,18 @@ def verify_mesh(
         raise ConfigError(
             f"on the {'finer' if finer else 'coarser'} mesh: {error}; or compare with `--mesh {instead}`"
         ) from None
-    about: dict[str, object] = {
-        "record": motion.name,
+    size = "half" if finer else "twice"
+    about = labels(job, motions[0], scene) | {
         "seconds": seconds,
-        "configuration_file": job.path.name,
-        "configuration_sha256": job.digest,
-        "scene_sha256": scene_digest(scene),
-        "record_sha256": whole.digest,
+        "cpu_seconds_run": clock.cpu["run"],
+        "cpu_seconds_sibling": sum(clock.cpu[f"sibling, {each.direction}"] for each in siblings),
     }
-    about["cpu_seconds_run"] = clock.cpu["run"]
-    about["cpu_seconds_sibling"] = sum(clock.cpu[f"sibling, {each.direction}"] for each in siblings)
-    statement = discretisation(run, others, finer=finer, about=about)
-    return VerifiedMesh(
-        statement, write_verification(folder, statement), _draw(folder, motion, run, other, finer=finer)
-    )
+    runs = {
+        f"{name}, {each.unknowns} unknowns": each
+        for name, each in (("mesh", run), (f"{'finer' if finer else 'coarser'} mesh", other))
+    }
+    title = f"The mesh and elements of {size} the size  ·  {motion.name}"
+    return write_statement(folder, discretisation(run, others, finer=finer, about=about), runs, title)
 
 
 def run_on_mesh(
@@ -137,16 +122,3 @@ def run_on_mesh(
         log_scene_warnings(model.scene, job)
         history = simulate_motion(job, model.prepared, motion, seconds, progress)
     return run_with_stress(model, history), model.scene
-
-
-def _draw(folder: Path, motion: GroundMotion, run: MeshRun, sibling: MeshRun, *, finer: bool) -> Path:
-    from romdam.visual.plots import opening_comparison, save_figure
-
-    histories = {
-        f"{name}, {verified.unknowns} unknowns": (verified.history.time, verified.history.jump[..., 0])
-        for name, verified in (("mesh", run), (f"{'finer' if finer else 'coarser'} mesh", sibling))
-    }
-    figure = opening_comparison(
-        histories, f"The mesh and elements of {'half' if finer else 'twice'} the size  ·  {motion.name}"
-    )
-    return save_figure(figure, folder / "discretisation.png")

@@ -28,8 +28,8 @@ from romdam.core.scene import Scene
 from romdam.core.system import History, System
 from romdam.core.threads import cpu_time, one_thread
 from romdam.effects.full_order import assemble_full
-from romdam.error.comparison import Openings, compare_openings, read_reference
-from romdam.error.discretisation import OVER_COARSER
+from romdam.error.comparison import ComparedRun, compare, compared_openings
+from romdam.error.histories import read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
 from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
@@ -112,15 +112,6 @@ class _Setup:
         return study.varies_mesh or (total is not None and study.reference == "auto")
 
 
-@dataclass(frozen=True)
-class _Reference:
-    """What is compared with: its openings, what it is, and what is known of its own error, as attributes."""
-
-    openings: Openings
-    name: str
-    about: dict[str, object]
-
-
 @one_thread()
 @naming_lines
 def study(job: Source, out: str | Path, reference: Path | None = None, show: Stage = silent) -> Study:
@@ -130,7 +121,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     ----------
     job : a configuration with model.order reduced, as `romdam.load_config` takes one
     out : folder for study.nc, study.md and study.png
-    reference : an .npz to compare with instead of a run, see `romdam.error.comparison.read_reference`
+    reference : an .npz to compare with instead of a run, see `romdam.error.histories.read_reference`
     show : told of every stage and its progress
 
     Raises
@@ -151,12 +142,12 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     steps = job.config.study.finest_steps or tuple(motion.dt / division for division in PARTS)
     setup = _Setup(job, meshes, motion, steps, job.config.outputs.output_interval or motion.dt)
     if stored is not None:
-        compared = _Reference(stored, str(reference), {})
+        compared, own_error = stored, dict[str, object]()
     else:
-        compared = (_finer_reference if setup.on_finer_mesh else _reference)(setup, clock)
+        compared, own_error = (_finer_reference if setup.on_finer_mesh else _reference)(setup, clock)
     cases = [_measure(setup, case, compared, clock) for case in _cases(setup, clock)]
     cases.append(_case_of_job(setup, compared, clock))
-    about = compared.about | {
+    about = own_error | {
         "record": motion.name,
         "compared": f"{motion.name}, {setup.compared:g} s of all openings against {compared.name}",
         "timed_seconds": setup.duration,
@@ -192,8 +183,11 @@ def _scene(variant: MeshVariant, clock: Clock) -> _Mesh:
         return _Mesh(variant, scene_of(variant.job), cpu_time() - start)
 
 
-def _reference(setup: _Setup, clock: Clock) -> _Reference:
-    """The run that all are compared with: all modes of the mesh at a small step, or full order."""
+def _reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, object]]:
+    """The run that all are compared with: all modes of the mesh at a small step, or full order.
+
+    With what is known of its own error, as attributes, here nothing.
+    """
     wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_step
     scene = setup.meshes[0].scene
     unknowns = sum(int((~fixed).sum()) for fixed in scene.fixed.values())
@@ -208,12 +202,12 @@ def _reference(setup: _Setup, clock: Clock) -> _Reference:
         history = simulate_one(prepared, ground, settings, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
     name = f"{name} at dt {settings.steps.finest:g} s"
-    return _Reference(_openings(history, scene, setup.compared), name, {})
+    return replace(compared_openings(scene, history, {}, setup.compared), name=name), {}
 
 
-def _finer_reference(setup: _Setup, clock: Clock) -> _Reference:
+def _finer_reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, object]]:
     """A run on quadratic elements of half the size; its coarser sibling says what it leaves itself."""
-    wanted, runs = setup.job.config.study, list[tuple[Openings, History]]()
+    wanted, runs = setup.job.config.study, list[ComparedRun]()
     vectors = max(LIMIT_VECTORS, *wanted.residual_vectors)
     if wanted.counts:
         choice = ModeChoice(count=max(LIMIT_MODES, MORE_MODES * max(wanted.counts)), residual_vectors=vectors)
@@ -238,27 +232,20 @@ def _finer_reference(setup: _Setup, clock: Clock) -> _Reference:
                 settings = _settings(setup, prepared, wanted.reference_step)
                 ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
                 history = simulate_one(prepared, ground, settings, progress)
-        runs.append((_openings(history, scene, setup.compared), history))
-    (fine, history), (coarse, _) = runs
-    names = "the coarser mesh of the reference", "the reference"
-    left = OVER_COARSER * compare_openings(coarse, fine, names, same_mesh=False).error.l2
+        runs.append(compared_openings(scene, history, {}, setup.compared))
+    fine, coarse = runs
+    left = compare("reference of a study", coarse, fine).errors["opening"].l2
     about: dict[str, object] = {"reference_mesh_error": left}
     stated = f"its mesh leaves about {percent(left)}"
-    if (of_steps := history.stats.get("estimated_time_error")) is not None:
+    if (of_steps := fine.stats.get("estimated_time_error")) is not None:
         about["reference_time_error"] = of_steps
         stated += f", its steps {percent(of_steps)}"
-    gaps, step = len(fine.position), history.stats["finest_step"]
+    gaps, step = len(fine.position), fine.stats["finest_step"]
     name = (
         f"a mesh of half the size (quadratic elements unless of a file, {gaps} gaps, {modes} and {vectors} "
         f"residual vectors a block, finest step {step:.3g} s) at the gaps that both have; {stated}"
     )
-    return _Reference(fine, name, about)
-
-
-def _openings(history: History, scene: Scene, seconds: float) -> Openings:
-    """Openings of a run as far as they are compared."""
-    rows = history.time <= seconds * (1.0 + 1e-9)
-    return Openings(history.time[rows], history.jump[rows, :, 0], scene.gap_position)
+    return replace(fine, name=name), about
 
 
 @dataclass(frozen=True)
@@ -305,7 +292,7 @@ def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
     return replace(settings_for(setup.job, prepared, setup.motion), steps=steps)
 
 
-def _case_of_job(setup: _Setup, reference: _Reference, clock: Clock) -> CaseResult:
+def _case_of_job(setup: _Setup, reference: ComparedRun, clock: Clock) -> CaseResult:
     """What the job's own setting gives, or the one that its accuracy comes to: mesh, modes and steps."""
     setting = Setting("", math.nan, "", 0, 0, of_job=True)
     try:
@@ -353,7 +340,7 @@ def _simulate(setup: _Setup, prepared: Prepared, settings: Settings, progress: P
     return simulate_one(prepared, ground, settings, progress)
 
 
-def _measure(setup: _Setup, case: _Case, reference: _Reference, clock: Clock) -> CaseResult:
+def _measure(setup: _Setup, case: _Case, reference: ComparedRun, clock: Clock) -> CaseResult:
     setting = case.setting
     model = f"mesh {setting.mesh}, {setting.modes}, {setting.residual_vectors} residual vectors"
     text = f"{setting.integrator}, {model}, finest step {setting.finest_step:g} s"
@@ -364,11 +351,10 @@ def _measure(setup: _Setup, case: _Case, reference: _Reference, clock: Clock) ->
                 runs.append(case.run(progress))
     except ConvergenceError as error:
         return failed_case(setting, str(error))
-    openings = _openings(runs[0], case.scene, setup.compared)
+    run = compared_openings(case.scene, runs[0], {}, setup.compared)
     same_mesh = not setup.on_finer_mesh and setting.mesh == setup.meshes[0].variant.mesh
-    names = "the study", reference.name
-    difference = compare_openings(openings, reference.openings, names, same_mesh=same_mesh)
-    return case_result(setting, runs, difference)
+    differences = compare("study" if same_mesh else "study of meshes", run, reference)
+    return case_result(setting, runs, differences)
 
 
 def _write(folder: Path, dataset: xr.Dataset) -> Study:

@@ -8,7 +8,7 @@ file, may be compared with both.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,9 +21,10 @@ from romdam.core.scene_digest import scene_digest
 from romdam.core.system import History
 from romdam.core.threads import one_thread
 from romdam.effects.full_order import assemble_full
-from romdam.error.comparison import Openings, read_reference
+from romdam.error.comparison import ComparedRun, compared_openings
+from romdam.error.histories import read_reference
 from romdam.error.statement import ErrorStatement, write_verification
-from romdam.error.verification import VerifiedRun, against_reference, full_order_step, verification
+from romdam.error.verification import STRESS, against_stored, full_order_step, verification
 from romdam.fem.stress import observing_stress
 from romdam.pipelines.check import full_order_seconds
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
@@ -55,14 +56,7 @@ WINDOW = 10.0  # [s] of a record that is run at full order
 
 @dataclass(frozen=True)
 class Verified:
-    """The error of the reduced model.
-
-    Attributes
-    ----------
-    statement : as written to verification.json
-    path : that file
-    figure : both opening histories
-    """
+    """An error: `statement` as written to `path`, and a figure of both opening histories."""
 
     statement: ErrorStatement
     path: Path
@@ -89,7 +83,7 @@ def verify(
     out : folder for verification.json and the figure; results there get the statement too
     duration : seconds of the record from its start [s], inf for all that the job runs of it; the strongest
         `WINDOW` of that if None, or the first one where there is a reference, whose times are the record's
-    reference : an .npz to compare with as well, see `romdam.error.comparison.read_reference`
+    reference : an .npz to compare with as well, see `romdam.error.histories.read_reference`
     show : told of every stage and its progress
     tell : told what the full order is going to cost, before it is run
 
@@ -99,11 +93,15 @@ def verify(
         for bad input, a scene without joints, and steps that do not converge.
     """
     job = load_config(job)
-    _refuse_what_cannot_be_verified(job)
+    if job.config.model.order == "full":
+        raise ConfigError(
+            f"{job.path}: model.order is full, there is no reduced model to verify; set it to reduced"
+        )
+    refuse_without_joints(job)
     folder, clock = prepare_folder(Path(out)), Clock(show)
     stored = read_reference(reference) if reference else None
     motions = load_motions(job.config.records, job.folder)
-    first, motion, whole = 0.0, as_run(job, motions[0], duration), motions[0]
+    first, motion = 0.0, as_run(job, motions[0], duration)
     refuse_drifting(job, motions[:1])
     log_warnings(job, motions[:1])
     moving = any(support.motion is not None for support in job.config.supports)  # they begin at rest
@@ -114,55 +112,68 @@ def verify(
     job, _ = choose_mesh_and_modes(job, motions, clock)
     model = build_model(job, clock)
     job = log_scene_warnings(model.scene, job)
-    reduced = _reduced(job, model, motion, seconds, clock)
-    full = _full(job, model, motion, seconds, reduced, clock, tell)
-    about: dict[str, object] = {
-        "record": motion.name,
+    warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
+    simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
+    with clock.stage("reduced", "reduced model") as progress:
+        history = simulate_motion(job, model.prepared, motion, seconds, progress)
+    reduced = _compared(model, history, stress_fields(model.scene, model.reduced_at_rest))
+    full = _compared(model, _full_order(job, model, motion, seconds, reduced, clock, tell), {})
+    about = labels(job, motions[0], model.scene) | {
         "first_second": first,
-        "configuration_file": job.path.name,
-        "configuration_sha256": job.digest,
-        "scene_sha256": scene_digest(model.scene),
-        "record_sha256": whole.digest,
         "cpu_seconds_reduction": clock.cpu["model"],
     }
     if stored is not None:
-        about |= against_reference(reduced, full, stored, str(reference))
-    statement = verification(reduced, full, model.system.law.joints, about)
-    figure = _draw(folder, motion, reduced, full)
-    return Verified(statement, write_verification(folder, statement), figure)
+        about |= against_stored(reduced, full, stored)
+    runs = {
+        f"{name}, dt {run.stats['finest_step']:g} s": run
+        for name, run in (("reduced", reduced), ("full order", full))
+    }
+    title = f"Reduced model against the unreduced mesh  ·  {motion.name}"
+    return write_statement(folder, verification(reduced, full, about), runs, title)
 
 
-def _refuse_what_cannot_be_verified(job: Job) -> None:
-    if job.config.model.order == "full":
-        raise ConfigError(
-            f"{job.path}: model.order is full, there is no reduced model to verify; set it to reduced"
-        )
+def refuse_without_joints(job: Job) -> None:
+    """Refuse a job that has no openings to compare."""
     if not job.config.every_joint:
         raise ConfigError(
             f"{job.path}: joints: there is none, and openings are what is compared; name at least one"
         )
 
 
-def _reduced(job: Job, model: RunModel, motion: GroundMotion, seconds: float, clock: Clock) -> VerifiedRun:
-    warm = max(10.0 * motion.dt, job.config.transient.finest_step or 0.0)
-    simulate_motion(job, model.prepared, motion, warm)  # compiled kernels are not part of the time
-    with clock.stage("reduced", "reduced model") as progress:
-        history = simulate_motion(job, model.prepared, motion, seconds, progress)
-    return _verified(model.scene, history, stress_fields(model.scene, model.reduced_at_rest))
+def labels(job: Job, motion: GroundMotion, scene: Scene) -> dict[str, object]:
+    """What a statement is of: the record, the configuration and the scene."""
+    return {
+        "record": motion.name,
+        "configuration_file": job.path.name,
+        "configuration_sha256": job.digest,
+        "scene_sha256": scene_digest(scene),
+        "record_sha256": motion.digest,
+    }
 
 
-def _full(
+def write_statement(
+    folder: Path, statement: ErrorStatement, runs: Mapping[str, ComparedRun], title: str
+) -> Verified:
+    """Write a statement, and the figure of the openings of both runs that it compares."""
+    from romdam.visual.plots import opening_comparison, save_figure
+
+    figure = opening_comparison({name: (run.time, run.opening) for name, run in runs.items()}, title)
+    path = save_figure(figure, folder / f"{statement.kind}.png")
+    return Verified(statement, write_verification(folder, statement), path)
+
+
+def _full_order(
     job: Job,
     model: RunModel,
     motion: GroundMotion,
     seconds: float,
-    reduced: VerifiedRun,
+    reduced: ComparedRun,
     clock: Clock,
     tell: Callable[[str], None],
-) -> VerifiedRun:
-    every = float(reduced.history.time[1])
+) -> History:
+    """Run the unreduced mesh, once its cost is told."""
     dt = source_step(motion, model.system)
-    steps = fixed_steps(full_order_step(reduced, dt), every, dt)
+    steps = fixed_steps(full_order_step(reduced, dt), float(reduced.time[1]), dt)
     settings = replace(settings_for(job, model.prepared, motion), steps=steps)
     system = observing_stress(model.scene, assemble_full(model.scene, job.config.damping))
     full, ground = prepare(job, system, FULL_ORDER), ground_at_steps(motion, steps.base, seconds, system)
@@ -172,23 +183,11 @@ def _full(
         f"{count * full_order_seconds(system):.2g} s, for {seconds:g} s of {motion.name}"
     )
     with clock.stage("full", f"full order, {count} steps") as progress:
-        history = simulate_one(full, ground, settings, progress)
-    return _verified(model.scene, history, {})
+        return simulate_one(full, ground, settings, progress)
 
 
-def _verified(scene: Scene, history: History, fields: dict[str, StressFields]) -> VerifiedRun:
-    history, stress = stress_of(scene, fields, history)
-    openings = Openings(history.time, history.jump[:, :, 0], scene.gap_position)
-    return VerifiedRun(history, openings, None if stress is None else stress.largest["principal"])
-
-
-def _draw(folder: Path, motion: GroundMotion, reduced: VerifiedRun, full: VerifiedRun) -> Path:
-    from romdam.visual.plots import opening_comparison, save_figure
-
-    labels = (f"reduced, dt {reduced.step:g} s", f"full order, dt {full.step:g} s")
-    histories = {
-        label: (run.openings.time, run.openings.opening)
-        for label, run in zip(labels, (reduced, full), strict=True)
-    }
-    figure = opening_comparison(histories, f"Reduced model against the unreduced mesh  ·  {motion.name}")
-    return save_figure(figure, folder / "verification.png")
+def _compared(model: RunModel, history: History, fields: dict[str, StressFields]) -> ComparedRun:
+    """A run as it is compared, with the largest principal stress of every stress node."""
+    history, stress = stress_of(model.scene, fields, history)
+    run = compared_openings(model.scene, history, model.system.law.joints)
+    return run if stress is None else replace(run, histories={STRESS: stress.largest["principal"]})

@@ -6,7 +6,7 @@ The order of the stages stands in `romdam.pipelines.error.certify`, the reasons 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats
 from romdam.core.system import History, System
+from romdam.error.comparison import ComparedRun, compare
 from romdam.error.metrics import (
     RelativeError,
     energy_error,
@@ -21,7 +22,6 @@ from romdam.error.metrics import (
     relative_l2,
 )
 from romdam.error.replay import Defect, Forces, Replayed, replay_start, step_factor
-from romdam.error.sampled import Quantities
 from romdam.error.statement import ErrorStatement
 from romdam.postprocess.stated_errors import percent
 from romdam.results.stored_run import StoredRun
@@ -108,22 +108,41 @@ def certificate(run: StoredRun, correction: Correction, joints: dict[str, slice]
     ----------
     joints : name -> slice of its gaps
     """
-    corrected, opening = correction.corrected, run.jump[..., 0]
-    better = corrected.jump[..., 0] + correction.last.point_fine[:, :: run.jump.shape[2]]
-    disp = corrected.disp + correction.last.disp_fine
-    pairs = Quantities(opening, run.disp, run.strain), Quantities(better, disp, corrected.energy["strain"])
-    errors = pairs[0].against(pairs[1], joints)
+    judged = compared_whole(run.time, run.jump[..., 0], run.disp, run.strain, joints)
+    better = compared_correction(correction.corrected, correction.last, joints)
+    errors = compare("certificate", judged, better).errors
     linear = _linear_errors(correction.first, run.jump.shape[2])
     details = {
         "record": run.attributes["record"],
         "result": run.path.name,
         "defect_for_the_same_forces": {name: error.plain for name, error in linear.items()},
         "last_pass_changed": correction.changed,
-        "peak_opening": float(opening.max()),
-        "peak_opening_corrected": float(better.max()),
+        "peak_opening": float(judged.opening.max()),
+        "peak_opening_corrected": float(better.opening.max()),
         "configuration_sha256": run.attributes["configuration_sha256"],
     }
     return ErrorStatement("certificate", _sentence(run, errors, linear), errors, details)
+
+
+def compared_whole(
+    time: Floats, opening: Floats, disp: Floats, strain: Floats, joints: Mapping[str, slice]
+) -> ComparedRun:
+    """A run as a certificate compares it.
+
+    Parameters
+    ----------
+    opening, disp, strain : (nt, ng) [m], (nt, 3 * probes) [m], empty without output nodes, (nt,) energy [J]
+    joints : name -> slice of its gaps
+    """
+    histories = ({"displacement": disp} if disp.size else {}) | {"energy": strain}
+    return ComparedRun(time, opening[..., None], joints=joints, histories=histories)
+
+
+def compared_correction(corrected: History, defect: Defect, joints: Mapping[str, slice]) -> ComparedRun:
+    """The corrected run of the finer model, with what that itself lacks at points and at output nodes."""
+    opening = corrected.jump[..., 0] + defect.point_fine[:, :: corrected.jump.shape[2]]
+    disp, strain = corrected.disp + defect.disp_fine, corrected.energy["strain"]
+    return compared_whole(corrected.time, opening, disp, strain, joints)
 
 
 def _linear_errors(defect: Defect, directions: int) -> dict[str, RelativeError]:

@@ -28,36 +28,27 @@ Roache, J. Fluids Eng. 116 (1994) 405: the grid convergence index, the same with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from romdam.config.other_mesh import EVERY_DIRECTION
 from romdam.contact.components import NORMAL, SHEAR_J
-from romdam.core.arrays import Floats, Ints
-from romdam.core.errors import ResultError, listed
+from romdam.core.arrays import Bools, Floats
+from romdam.core.errors import listed
 from romdam.core.scene import Scene
 from romdam.core.system import SLIP, History
-from romdam.error.comparison import coinciding
+from romdam.error.comparison import OVER_COARSER, OVER_FINER, QUANTITIES, ComparedRun, Differences, compare
 from romdam.error.mesh_stress import MeshStress, face_errors, mesh_stress, section_errors
-from romdam.error.metrics import (
-    FLOOR,
-    RelativeError,
-    from_rest,
-    magnitude_error,
-    opening_error,
-    opening_peaks,
-    scaled,
-)
+from romdam.error.metrics import FLOOR, RelativeError, combined, scaled
 from romdam.error.statement import ErrorStatement
 from romdam.geometry.elements import ELEMENTS
 from romdam.postprocess.stated_errors import percent
 from romdam.postprocess.stress.summary import StressSummary
 
-OVER_FINER, OVER_COARSER = 1.5, 0.5  # error over the difference to the sibling
-OVER_COARSER_QUADRATIC = 0.2  # the same of displacements, where all elements are quadratic
+OVER_COARSER_QUADRATIC = 0.2  # error over the difference, of displacements where all elements are quadratic
 _MOVING = ("opening", "slip", "residual_slip", "displacement", "section")  # these converge as displacements
 _LOST = 0.3  # relative error of a history in L2 from which it counts as not resolved
 # relative differences up to which a coarser quadratic mesh shows its order, and from which it shows none
@@ -68,29 +59,21 @@ _AT_REST = 0.05  # of a joint's residual slip: one that slides by more about its
 
 
 @dataclass(frozen=True)
-class MeshRun:
+class MeshRun(ComparedRun):
     """A run on one mesh.
 
     Attributes
     ----------
-    history : as integrated
-    position : (ng, 3) of the gaps [m]
-    area : (ng,) that they stand for [m2]
-    joints : name -> slice of its gaps
-    nodes : names of the output nodes, in the order of `history.disp`
-    spectra : (3 nodes, periods) pseudo-acceleration of their absolute acceleration, 5 % damping [m/s2]
+    area : (ng,) that the gaps stand for [m2]
+    slides : (nt, ng) whether a gap slides; empty where joints carry no shear
     unknowns : of the mesh
     stress : on faces and sections; None where the job asks for none
     quadratic : whether all elements have quadratic displacements
     """
 
-    history: History
-    position: Floats
-    area: Floats
-    joints: Mapping[str, slice]
-    nodes: tuple[str, ...]
-    spectra: Floats
-    unknowns: int
+    area: Floats = field(default_factory=lambda: np.zeros(0))
+    slides: Bools = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
+    unknowns: int = 0
     stress: MeshStress | None = None
     quadratic: bool = False
 
@@ -117,18 +100,50 @@ def mesh_run(
     spectra: Floats,
     stress: StressSummary | None = None,
 ) -> MeshRun:
-    """Put together what is compared of a run; `joints` and `spectra` as in `MeshRun`."""
+    """Put together what is compared of a run.
+
+    Parameters
+    ----------
+    joints : name -> slice of its gaps
+    spectra : (3 nodes, periods) pseudo-acceleration of their absolute acceleration, 5 % damping [m/s2]
+    """
+    area = np.concatenate([joint.whole_area for joint in scene.joints.values()])
+    nodes = tuple(probe.name for probe in scene.probes)
     return MeshRun(
-        history=history,
+        time=history.time,
+        jump=history.jump,
         position=scene.gap_position,
-        area=np.concatenate([joint.whole_area for joint in scene.joints.values()]),
         joints=joints,
-        nodes=tuple(probe.name for probe in scene.probes),
-        spectra=spectra,
+        nodes=nodes,
+        histories=mesh_histories(history, joints, area, nodes, spectra),
+        area=area,
+        slides=history.state == SLIP,
         unknowns=3 * sum(len(block.points) for block in scene.blocks.values()),
         stress=mesh_stress(scene, stress),
         quadratic=all(ELEMENTS[block.element].quadratic for block in scene.blocks.values()),
     )
+
+
+def mesh_histories(
+    history: History, joints: Mapping[str, slice], area: Floats, nodes: Sequence[str], spectra: Floats
+) -> dict[str, Floats]:
+    """Histories of a run that are compared besides jumps: of whole joints, and of output nodes.
+
+    The force of a joint is that of the interval before each row, and at rest in the first [N]; its pressure
+    is the largest of its gaps, of the same forces [Pa].
+    """
+    force = history.mean_traction[..., NORMAL].copy()
+    force[0] = history.traction[0, :, NORMAL] + (history.water[0] if history.water.size else 0.0)
+    rows = len(history.time)
+    of_joints = np.zeros((2, rows, len(joints)))
+    for k, gaps in enumerate(joints.values()):
+        of_joints[:, :, k] = force[:, gaps].sum(axis=1), (force[:, gaps] / area[gaps]).max(axis=1)
+    histories = {"joint_force": of_joints[0], "joint_pressure": of_joints[1]}
+    if nodes:
+        motions = {"displacement": history.disp, "acceleration": history.acc}
+        histories |= {name: motion.reshape(rows, -1, 3) for name, motion in motions.items()}
+        histories["response_spectrum"] = spectra
+    return histories
 
 
 def discretisation(
@@ -163,30 +178,29 @@ def discretisation(
         where no gap of the one is at a gap of the other, or the two have other times.
     """
     chain = [SiblingRun(EVERY_DIRECTION, 2.0, sibling)] if isinstance(sibling, MeshRun) else list(sibling)
-    last = chain[-1].run
-    differences = _differences(run, last, finer=finer)
-    shown = None if second is None else _differences(last, second, finer=False).errors
+    last, steps = chain[-1].run, list(zip([run, *(each.run for each in chain)], chain, strict=False))
+    differences, sliding = _differences(run, last) if finer else _differences(last, run)
+    shown = None if second is None else _differences(second, last)[0].errors
     if shown is not None and shown["opening"].l2 >= _UNRESOLVED:
         shown = None
     factor = partial(_error_over_difference, run=run, finer=finer, shown=shown)
-    directions = {EVERY_DIRECTION: _errors_of(differences, partial(factor, times=chain[0].times))}
+    pairs = [(differences, chain[0].times)]
     if len(chain) > 1:
-        before = [run, *(coarser.run for coarser in chain[:-1])]
-        directions = {
-            coarser.direction: _errors_of(
-                _differences(better, coarser.run, finer=False), partial(factor, times=coarser.times)
-            )
-            for better, coarser in zip(before, chain, strict=True)
-        }
-    of_elements = _root_of_squares([errors for errors, _ in directions.values()])
-    nodes = {
-        node: {name: error.plain for name, error in _root_of_squares(each).items()}
-        for node in differences.nodes
-        if (each := [of_nodes[node] for _, of_nodes in directions.values()])
+        pairs = [(_differences(coarser.run, better)[0], coarser.times) for better, coarser in steps]
+    parts = [
+        {name: scaled(error, factor(name, error, times=times)) for name, error in found.errors.items()}
+        for found, times in pairs
+    ]
+    of_elements = {
+        name: combined([part[name] for part in parts if name in part], _root_of_squares)
+        for name in dict.fromkeys(name for part in parts for name in part)
     }
+    of_nodes = [name for name, each in QUANTITIES.items() if each.at == "nodes" and name in of_elements]
+    nodes = {node: {name: of_elements[name].joints[node].plain for name in of_nodes} for node in run.nodes}
+    of_elements |= {name: replace(of_elements[name], joints={}) for name in of_nodes}
     errors, of_points = of_elements, dict[str, RelativeError]()
     if points is not None:
-        of_points = _differences(*points, finer=True).errors
+        of_points = _differences(*points, kind="contact points")[0].errors
         errors = {name: _added(error, of_points.get(name)) for name, error in of_elements.items()}
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]
     if "acceleration" in lost and "response_spectrum" not in lost:
@@ -207,9 +221,9 @@ def discretisation(
         "unknowns_sibling": last.unknowns,
         "gaps": len(run.position),
         "gaps_sibling": len(last.position),
-        "gaps_compared": differences.compared,
+        "gaps_compared": differences.gaps,
         "joints_not_compared": differences.not_compared,
-        "joints_still_sliding": differences.sliding,
+        "joints_still_sliding": sliding,
         "error_over_difference": factor("opening", differences.errors["opening"], times=2.0),
         "order_shown": shown is not None,
         "not_resolved": lost,
@@ -218,12 +232,12 @@ def discretisation(
     }
     if len(chain) > 1:
         details["directions"] = {
-            coarser.direction: errors["opening"].plain
+            coarser.direction: part["opening"].plain
             | {
                 "times_unknowns_to_halve": _times_to_halve(better.unknowns, coarser.run.unknowns),
                 "times_gaps_to_halve": _times_to_halve(len(better.position), len(coarser.run.position)),
             }
-            for better, coarser, (errors, _) in zip(before, chain, directions.values(), strict=True)
+            for (better, coarser), part in zip(steps, parts, strict=False)
         }
     if points is not None:
         details["elements"] = {name: error.plain for name, error in of_elements.items()}
@@ -232,72 +246,26 @@ def discretisation(
     return ErrorStatement("discretisation", _sentence(errors, details, about), errors, details | dict(about))
 
 
-@dataclass(frozen=True)
-class _Differences:
-    """What two runs differ by, relative to the better one.
+def _differences(
+    judged: MeshRun, better: MeshRun, kind: str = "discretisation"
+) -> tuple[Differences, list[str]]:
+    """What two runs differ by, with the slips that they leave, and joints that still slide in either.
 
-    Attributes
-    ----------
-    errors : quantity -> difference
-    nodes : output node -> quantity -> difference
-    compared : number of gaps that both have
-    not_compared : joints without such a gap
-    sliding : joints that slide in the last second of either
-    """
-
-    errors: dict[str, RelativeError]
-    nodes: dict[str, dict[str, RelativeError]]
-    compared: int
-    not_compared: list[str]
-    sliding: list[str]
-
-
-def _differences(run: MeshRun, other: MeshRun, *, finer: bool) -> _Differences:
-    """Compare two runs; the other is the better one where it is `finer`. Stress is left out.
+    Stress is left out.
 
     Raises
     ------
     ResultError
         where no gap of the one is at a gap of the other, or the two have other times.
     """
-    judged, better = (run, other) if finer else (other, run)
-    if len(run.history.time) != len(other.history.time):
-        raise ResultError(
-            f"the runs on both meshes have {len(run.history.time)} and {len(other.history.time)} rows; "
-            "set outputs.output_interval"
-        )
-    rows, pair, joints = _gaps_of_both(judged, better)
-    if not len(rows):
-        raise ResultError(
-            "no gap of the one mesh is at a gap of the other within 1 mm, so openings cannot be compared; "
-            "compare runs on meshes whose nodes coincide"
-        )
-    jump, better_jump = from_rest(judged.history.jump[:, rows], better.history.jump[:, pair])
-    errors = {"opening": opening_error(jump[..., NORMAL], better_jump[..., NORMAL], joints, opening_peaks)}
-    sliding = list[str]()
-    if jump.shape[2] > 1:
-        errors["slip"] = _by_joint(jump[..., SHEAR_J:], better_jump[..., SHEAR_J:], joints)
+    found, sliding = compare(kind, judged, better), list[str]()
+    if "slip" in found.errors:
         residual, sliding = _residual_slips(judged, better)
         if residual is not None:
-            errors["residual_slip"] = residual
-    errors["joint_force"] = _of_each_joint(judged, better, _normal_force)
-    errors["joint_pressure"] = _of_each_joint(judged, better, _largest_pressure)
-    nodes: dict[str, dict[str, RelativeError]] = {}
-    for name in ("disp", "acc") if run.nodes else ():
-        quantity = {"disp": "displacement", "acc": "acceleration"}[name]
-        pairs = [
-            getattr(result.history, name).reshape(len(result.history.time), -1, 3)
-            for result in (judged, better)
-        ]
-        if name == "disp":
-            pairs = list(from_rest(*pairs))
-        errors[quantity] = magnitude_error(*pairs, peaks=True)
-        for k, node in enumerate(run.nodes):
-            nodes.setdefault(node, {})[quantity] = magnitude_error(pairs[0][:, k], pairs[1][:, k], peaks=True)
-    if run.nodes:
-        errors["response_spectrum"] = magnitude_error(judged.spectra, better.spectra)
-    missing = [name for name in judged.joints if name not in joints]
-    return _Differences(errors, nodes, len(rows), missing, sliding)
+            order = ("opening", "slip", "residual_slip", *found.errors)
+            errors = found.errors | {"residual_slip": residual}
+            found = replace(found, errors={name: errors[name] for name in order})
+    return found, sliding
 
 
 def _error_over_difference(
@@ -331,30 +299,8 @@ def _error_over_difference(
     return float(OVER_COARSER_QUADRATIC + rise * (OVER_COARSER - OVER_COARSER_QUADRATIC))
 
 
-def _errors_of(
-    differences: _Differences, factor: Callable[[str, RelativeError], float]
-) -> tuple[dict[str, RelativeError], dict[str, dict[str, RelativeError]]]:
-    """Errors of every quantity, and of output nodes, from what two runs differ by and the factor of each."""
-    factor_of = {name: factor(name, error) for name, error in differences.errors.items()}
-    nodes = {
-        node: {name: scaled(error, factor_of[name]) for name, error in each.items()}
-        for node, each in differences.nodes.items()
-    }
-    return {name: scaled(error, factor_of[name]) for name, error in differences.errors.items()}, nodes
-
-
-def _root_of_squares(parts: Sequence[Mapping[str, RelativeError]]) -> dict[str, RelativeError]:
-    """The root of the sum of squares of errors of every quantity, joint by joint too."""
-    names = dict.fromkeys(name for part in parts for name in part)
-    each = {name: [part[name] for part in parts if name in part] for name in names}
-    return {
-        name: RelativeError(
-            float(np.linalg.norm([error.l2 for error in errors])),
-            float(np.linalg.norm([error.peak for error in errors])),
-            _root_of_squares([error.joints for error in errors]),
-        )
-        for name, errors in each.items()
-    }
+def _root_of_squares(errors: list[float]) -> float:
+    return float(np.linalg.norm(errors))
 
 
 def _times_to_halve(count: int, coarser: int) -> float:
@@ -366,22 +312,8 @@ def _added(error: RelativeError, more: RelativeError | None) -> RelativeError:
     """The sum of two errors, joint by joint where both have the joints."""
     if more is None:
         return error
-    joints = {name: _added(each, more.joints.get(name)) for name, each in error.joints.items()}
-    return RelativeError(error.l2 + more.l2, error.peak + more.peak, joints)
-
-
-def _gaps_of_both(judged: MeshRun, better: MeshRun) -> tuple[Ints, Ints, dict[str, slice]]:
-    """Gaps at the same places of a joint: their numbers in both runs, and each joint's slice of these."""
-    rows, pair = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-    joints, count = dict[str, slice](), 0
-    for name, gaps in judged.joints.items():
-        here, there = coinciding(judged.position[gaps], better.position[better.joints[name]])
-        if len(here):
-            rows.append(gaps.start + here)
-            pair.append(better.joints[name].start + there)
-            joints[name] = slice(count, count + len(here))
-            count += len(here)
-    return np.concatenate(rows), np.concatenate(pair), joints
+    joints = {name: each for name, each in more.joints.items() if name in error.joints}
+    return combined([error, replace(more, joints=joints)], sum)
 
 
 def _sentence(
@@ -438,99 +370,39 @@ def _plural(name: str) -> str:
     return f"{name.replace('_', ' ')}{'es' if name.endswith('s') else 's'}"
 
 
-def _by_joint(values: Floats, better: Floats, joints: Mapping[str, slice]) -> RelativeError:
-    """Error of histories (nt, ng, ...), all together and joint by joint."""
-    each = {
-        name: magnitude_error(values[:, gaps], better[:, gaps], peaks=True) for name, gaps in joints.items()
-    }
-    return replace(magnitude_error(values, better, peaks=True), joints=each)
-
-
 def _residual_slips(judged: MeshRun, better: MeshRun) -> tuple[RelativeError | None, list[str]]:
     """Error of the mean slip over the last second of joints at rest, and the joints that still slide.
 
     It is relative to the slip that is left, or to FLOOR of the largest if that is more; None where every
-    joint slides.
+    joint slides. A joint slides that moves in that second by more than `_AT_REST` of its residual slip.
     """
-    left, wanted, before = (
-        {name: slip(result, gaps) for name, gaps in result.joints.items()}
-        for result, slip in ((judged, _mean_slip), (better, _mean_slip), (better, _first_slip))
-    )
-    size = {name: float(np.linalg.norm(wanted[name] - before[name])) for name in wanted}
+    last, runs = judged.time >= judged.time[-1] - _LAST, (judged, better)
+    slips = {name: [_mean_slip(run, run.joints[name]) for run in runs] for name in judged.joints}
+    left = {name: [slip[last].mean(axis=0) for slip in pair] for name, pair in slips.items()}
+    size = {name: float(np.linalg.norm(left[name][1] - pair[1][0])) for name, pair in slips.items()}
     largest = max(size.values(), default=0.0)
     if largest == 0.0:
         return RelativeError(0.0, 0.0), []
-    sliding = [
-        name
-        for name in wanted
-        if any(
-            _still_slides(result, result.joints[name], max(size[name], FLOOR * largest))
-            for result in (judged, better)
-        )
-    ]
-    rest = [name for name in wanted if name not in sliding]
+
+    def slides(run: MeshRun, name: str, slip: Floats, mean: Floats) -> bool:
+        moves = np.linalg.norm(slip[last] - mean, axis=1).max()
+        far = moves > _AT_REST * max(size[name], FLOOR * largest)
+        return bool(far and run.slides[last][:, run.joints[name]].any())
+
+    sliding = [name for name in slips if any(map(slides, runs, (name, name), slips[name], left[name]))]
+    rest = [name for name in slips if name not in sliding]
     if not rest:
         return None, sliding
     largest = max(size[name] for name in rest)
-    off = {name: float(np.linalg.norm(left[name] - wanted[name])) for name in rest}
     if largest == 0.0:
         return RelativeError(0.0, 0.0), sliding
+    off = {name: float(np.linalg.norm(left[name][0] - left[name][1])) for name in rest}
     relative = {name: off[name] / max(size[name], FLOOR * largest) for name in rest}
-    joints = {name: RelativeError(value, value) for name, value in relative.items()}
     worst = max(off.values()) / largest
-    return RelativeError(worst, worst, joints), sliding
+    return RelativeError(worst, worst, {name: RelativeError(e, e) for name, e in relative.items()}), sliding
 
 
 def _mean_slip(run: MeshRun, gaps: slice) -> Floats:
-    """Slip (2,) of a joint, mean over its area and the last second [m]."""
-    time, area = run.history.time, run.area[gaps]
-    slip = run.history.jump[time >= time[-1] - _LAST, gaps, SHEAR_J:].mean(axis=0)
-    return np.asarray(area @ slip / area.sum())
-
-
-def _first_slip(run: MeshRun, gaps: slice) -> Floats:
-    """Slip (2,) of a joint at rest, mean over its area [m]."""
+    """Slip (nt, 2) of a joint, mean over its area [m]."""
     area = run.area[gaps]
-    return np.asarray(area @ run.history.jump[0, gaps, SHEAR_J:] / area.sum())
-
-
-def _still_slides(run: MeshRun, gaps: slice, residual: float) -> bool:
-    """Tell whether a joint slides in the last second, by more than `_AT_REST` of its residual slip [m]."""
-    time, area = run.history.time, run.area[gaps]
-    last = time >= time[-1] - _LAST
-    if not (run.history.state[last][:, gaps] == SLIP).any():
-        return False
-    slip = np.einsum("g,tga->ta", area, run.history.jump[last][:, gaps, SHEAR_J:]) / area.sum()
-    return bool(np.linalg.norm(slip - slip.mean(axis=0), axis=1).max() > _AT_REST * residual)
-
-
-def _of_each_joint(
-    judged: MeshRun, better: MeshRun, quantity: Callable[[MeshRun, slice], Floats]
-) -> RelativeError:
-    """Error of a history (nt,) of every joint, less its value at rest."""
-    pairs = {
-        name: from_rest(quantity(judged, judged.joints[name]), quantity(better, better.joints[name]))
-        for name in judged.joints
-    }
-    values, wanted = ({name: pair[i] for name, pair in pairs.items()} for i in (0, 1))
-    every = np.stack(list(wanted.values()), axis=1)
-    each = {name: magnitude_error(values[name], wanted[name], every) for name in wanted}
-    all_joints = magnitude_error(np.stack(list(values.values()), axis=1), every, peaks=True)
-    return replace(all_joints, joints=each)
-
-
-def _normal_force(run: MeshRun, gaps: slice) -> Floats:
-    """Normal force (nt,) of a joint, mean over the interval before each row and at rest in the first [N]."""
-    return np.asarray(_normal_forces(run.history, gaps).sum(axis=1))
-
-
-def _largest_pressure(run: MeshRun, gaps: slice) -> Floats:
-    """Largest pressure (nt,) of a joint's gaps, from the same forces [Pa]."""
-    return np.asarray((_normal_forces(run.history, gaps) / run.area[gaps]).max(axis=1))
-
-
-def _normal_forces(history: History, gaps: slice) -> Floats:
-    """Normal forces (nt, n) of a joint's gaps: at rest in the first row, then means before each row [N]."""
-    forces = history.mean_traction[:, gaps, NORMAL].copy()
-    forces[0] = history.traction[0, gaps, NORMAL] + (history.water[0, gaps] if history.water.size else 0.0)
-    return forces
+    return np.asarray(np.einsum("g,tga->ta", area, run.jump[:, gaps, SHEAR_J:]) / area.sum())

@@ -23,7 +23,8 @@ from romdam.contact.laws.law import Law, Past
 from romdam.contact.problem import law_memory
 from romdam.core.arrays import Floats
 from romdam.core.system import SLIP, STICK, GapLaw, History, System
-from romdam.error.metrics import FLOOR, from_rest, opening_error, peak_bound
+from romdam.error.comparison import ComparedRun, compare
+from romdam.error.metrics import FLOOR
 from romdam.error.statement import ErrorStatement
 from romdam.postprocess.stated_errors import percent
 from romdam.timestepping.prepared import Prepared
@@ -72,9 +73,8 @@ def estimate_error(finer: FinerModel, history: History, ground: Floats, settings
     """
     if rocks_on_joints(finer.prepared.system):
         settings = _with_loose_contact(settings)
-    opening, better, rows = _openings(finer, history, ground, settings)
-    moved = from_rest(opening, better, history.jump[0, :, 0])
-    error = opening_error(*moved, finer.prepared.system.law.joints, peak_bound)
+    judged, better, rows = _both_runs(finer, history, ground, settings)
+    error = compare("estimate", judged, better).errors["opening"]
     first, last = (float(history.time[row]) for row in (rows.start, rows.stop - 1))
     rocks = finer.prepared.system.floating
     return ErrorStatement("estimate", _sentence(error.l2, error.peak, first, last, rocks), {"opening": error})
@@ -131,9 +131,8 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     """
     itself, law = FinerModel(prepared, csr_matrix(eye(prepared.system.size))), prepared.system.law
     if law.directions == 1 and not law.laws:
-        opening, better, _ = _openings(itself, history, ground, other)
-        at_rest = history.jump[0, :, 0]
-        return jump_differences(opening, better, at_rest) / _SEEN
+        judged, better, _ = _both_runs(itself, history, ground, other)
+        return jump_differences(judged.opening, better.opening, history.jump[0, :, 0]) / _SEEN
     longer, interval = other.steps.finest > history.stats["finest_step"], other.steps.interval
     rows = slice(0, len(history.time))
     if longer:
@@ -147,23 +146,26 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     return jump_differences(coarse, fine) / _SEEN
 
 
-def _openings(
+def _both_runs(
     finer: FinerModel, history: History, ground: Floats, settings: Settings
-) -> tuple[Floats, Floats, slice]:
-    """Openings of a run and of a better one (nt, gaps) [m], and the rows in which that was integrated."""
-    law, interval, opening = finer.prepared.system.law, settings.steps.interval, history.jump[..., 0]
-    if law.directions == 1:
-        rows = _rows_to_run(finer.prepared, moving_rows(history, {}, interval), len(opening))
-        return opening[rows], run_window(finer, history, ground, settings, rows).jump[..., 0], rows
-    if rocks_on_joints(finer.prepared.system):
+) -> tuple[ComparedRun, ComparedRun, slice]:
+    """A run and a better one as their openings are compared, and the rows in which that was integrated."""
+    law, interval, opening = finer.prepared.system.law, settings.steps.interval, history.jump[..., :1]
+    slides = law.directions > 1
+    if slides and rocks_on_joints(finer.prepared.system):
         rows = _rocking_rows(history, interval)
     else:
-        rows = moving_rows(history, law.joints, interval)
+        rows = moving_rows(history, law.joints if slides else {}, interval)
     rows = _rows_to_run(finer.prepared, rows, len(opening))
-    if law.laws:  # what they remember, such as which bonds are lost, no row tells: both begin at rest
+    if slides and law.laws:  # what they remember, such as lost bonds, no row tells: both begin at rest
         rows = slice(0, rows.stop)
-    better = run_window(finer, history, ground, settings, rows).jump[..., 0]
-    return opening, continued(opening, better, rows, max(1, round(_REST / interval))), rows
+    better = run_window(finer, history, ground, settings, rows).jump[..., :1]
+    compared = slice(None) if slides else rows
+    if slides:
+        better = continued(opening, better, rows, max(1, round(_REST / interval)))
+    time, rest = history.time[compared], history.jump[0, :, :1]
+    judged = ComparedRun(time, opening[compared], joints=law.joints, rest=rest)
+    return judged, replace(judged, jump=better), rows
 
 
 def _rocking_rows(history: History, interval: float) -> slice:

@@ -6,13 +6,15 @@ Another code's file states openings, open positive, and displacement relative to
   `displacement(time, node, component)`, or some of them; `gap_joint(gap)` names the joints
 - CSV (.csv): a head, then a row for each time; its columns are `time`, `opening:<number of the gap>`,
   `opening:<joint>` (of its widest gap) and `displacement:<node>:<x, y or z>`; a unit stands as in `time [ms]`
-- NumPy (.npz): `time`, `gap` and `position`, as `romdam.error.comparison.read_reference` takes them
+- NumPy (.npz): `time`, `gap` and `position`, as `read_reference` takes them
 """
 
 from __future__ import annotations
 
 import logging
 import re
+import zipfile
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +27,8 @@ from romdam.config.quantities import to_si
 from romdam.core.arrays import Floats
 from romdam.core.csv_table import read_table
 from romdam.core.errors import ResultError
-from romdam.error.comparison import read_reference
+from romdam.core.files import check_file
+from romdam.error.comparison import ComparedRun
 from romdam.results.dataset import open_netcdf, open_run
 
 log = logging.getLogger(__name__)
@@ -42,7 +45,11 @@ _VARIABLES = {
 _COLUMN = re.compile(
     r"\s*(?:(time)|opening:([^:\[]*[^:\[\s])|displacement:([^:\[]*[^:\[\s]):([xyz]))\s*(?:\[([^\]]+)\])?\s*"
 )
-_MOST = 4e9  # bytes of a table, which is read whole
+_MOST = 4e9  # bytes of a file that is read whole
+_UNREADABLE = (
+    OSError, KeyError, ValueError, TypeError, IndexError, AttributeError, EOFError, MemoryError, RuntimeError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,6 +94,37 @@ def read_histories(path: Path) -> ComparedHistories:
     if not histories.series:
         raise ResultError(f"{path}: has neither openings nor displacements; there is nothing to compare")
     return histories
+
+
+def read_reference(path: Path) -> ComparedRun:
+    """Openings from an .npz with `time`, `gap`, and `position` or a model.npz (points, pairs) beside it.
+
+    Raises
+    ------
+    ResultError
+        where it cannot be read or lacks an array.
+    """
+    try:
+        check_file(path, _MOST, ResultError)
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = stored["time"], stored["gap"], stored.get("position")
+        if arrays[2] is None:
+            with np.load(path.with_name("model.npz"), allow_pickle=False) as model:
+                arrays = *arrays[:2], model["points"][model["pairs"][:, 0]]
+        time, gap, position = (np.asarray(array, dtype=float) for array in arrays)
+    except _UNREADABLE as error:
+        raise ResultError(
+            f"{path}: is no reference ({error}); it needs `time`, `gap`, and `position` or a model.npz"
+        ) from error
+    if time.ndim != 1 or position.shape[1:] != (3,) or gap.shape != (len(time), len(position)):
+        raise ResultError(
+            f"{path}: time {time.shape}, gap {gap.shape} and position {position.shape} do not fit; "
+            "(nt,), (nt, gaps) and (gaps, 3) do"
+        )
+    for name, array in (("time", time), ("gap", gap), ("position", position)):
+        if not np.isfinite(array).all():
+            raise ResultError(f"{path}: {name} has values that are no numbers")
+    return ComparedRun(time, gap[..., None], position, name=str(path))
 
 
 def _arrays(path: Path) -> ComparedHistories:

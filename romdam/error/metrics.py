@@ -23,13 +23,15 @@ of that node's largest component.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from romdam.core.arrays import Floats
 
+Peak = Literal["largest", "of places", "bound"]  # measures of the peak of openings, see the module
 NEAR = 0.2  # of the largest opening: what lies so near to it is looked at where a peak is bounded
 _STILL = 1e-6  # of a history's largest value: what moves less is round-off
 FLOOR = 0.01  # of what all joints do: a joint that does less is measured by that
@@ -42,7 +44,8 @@ class RelativeError:
     Attributes
     ----------
     l2, peak : over all times and places [1]
-    joints : name -> error of the joint's own gaps; empty for what belongs to no joint
+    joints : name of a joint -> error of its own gaps, or of an output node -> that of its motion; empty
+        for what belongs to neither
     """
 
     l2: float
@@ -104,7 +107,7 @@ def opening_error(
     opening: Floats,
     better: Floats,
     joints: Mapping[str, slice] | None = None,
-    peak: Callable[[Floats, Floats, float], float] = opening_peak,
+    peak: Peak = "largest",
 ) -> RelativeError:
     """Compare openings.
 
@@ -112,14 +115,15 @@ def opening_error(
     ----------
     opening, better : (nt, ng) [m]
     joints : name -> slice of its gaps
-    peak : `opening_peak`, `opening_peaks` or `peak_bound`
+    peak : `opening_peak`, `opening_peaks` "of places", or the `peak_bound`
     """
+    measure = {"largest": opening_peak, "of places": opening_peaks, "bound": peak_bound}[peak]
     mean = FLOOR * float(np.linalg.norm(better)) / np.sqrt(max(better.size, 1))
     least = FLOOR * _largest(better)
 
     def of_gaps(gaps: slice) -> RelativeError:
         pair = opening[:, gaps], better[:, gaps]
-        return RelativeError(relative_l2(*pair, mean), peak(*pair, least))
+        return RelativeError(relative_l2(*pair, mean), measure(*pair, least))
 
     each = {name: of_gaps(gaps) for name, gaps in (joints or {}).items()}
     return replace(of_gaps(slice(None)), joints=each)
@@ -147,10 +151,20 @@ def magnitude_error(
     return RelativeError(relative_l2(values, better, mean), off)
 
 
+def combined(errors: Sequence[RelativeError], combine: Callable[[list[float]], float]) -> RelativeError:
+    """Several errors of a quantity in one, such as their sum; joint by joint too."""
+    names = dict.fromkeys(name for error in errors for name in error.joints)
+    joints = {
+        name: combined([error.joints[name] for error in errors if name in error.joints], combine)
+        for name in names
+    }
+    l2, peak = (combine([getattr(error, norm) for error in errors]) for norm in ("l2", "peak"))
+    return RelativeError(l2, peak, joints)
+
+
 def scaled(error: RelativeError, factor: float) -> RelativeError:
     """A multiple of an error, that of each joint too."""
-    joints = {name: scaled(joint_error, factor) for name, joint_error in error.joints.items()}
-    return RelativeError(factor * error.l2, factor * error.peak, joints)
+    return combined([error], lambda values: factor * values[0])
 
 
 def energy_error(difference: Floats, better: Floats) -> RelativeError:

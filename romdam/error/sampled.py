@@ -14,53 +14,27 @@ A peak's share is the largest difference anywhere, which bounds that of two peak
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from romdam.core.arrays import Floats
 from romdam.core.system import History
+from romdam.error.certificate import compared_correction, compared_whole
+from romdam.error.comparison import ComparedRun, compare
 from romdam.error.estimate import WINDOW, start_at
-from romdam.error.metrics import RelativeError, magnitude_error, opening_error, relative_l2
+from romdam.error.metrics import relative_l2
 from romdam.error.replay import Forces, Replayed, corrected_run, measure_defect
 from romdam.error.statement import ErrorStatement
 from romdam.postprocess.stated_errors import percent
 from romdam.results.stored_run import StoredRun
 from romdam.timestepping.prepared import Prepared, Progress
-from romdam.timestepping.settings import Settings, Start
+from romdam.timestepping.settings import Settings
 
 SHORTEST = 2.0 * WINDOW  # [s] of a record of which a sample is taken; a shorter one is solved throughout
 _DOUBT = 2.0  # of what a window shows, from nothing at its start
 _OWN = 0.03  # relative, of a certificate: the largest error of 30 against the truth
-
-
-@dataclass(frozen=True)
-class Quantities:
-    """Histories that are compared.
-
-    Attributes
-    ----------
-    opening, disp, strain : (nt, ng) [m], (nt, 3 * probes) [m], empty without output nodes, (nt,) [J]
-    """
-
-    opening: Floats
-    disp: Floats
-    strain: Floats
-
-    def against(self, better: Quantities, joints: dict[str, slice]) -> dict[str, RelativeError]:
-        """Errors of every quantity that there is; joints are name -> slice of its gaps."""
-        errors = {"opening": opening_error(self.opening, better.opening, joints)}
-        if self.disp.size:
-            errors["displacement"] = magnitude_error(self.disp, better.disp)
-        return errors | {"energy": magnitude_error(self.strain, better.strain)}
-
-
-def joined(parts: list[Quantities]) -> Quantities:
-    """One after another."""
-    names = ("opening", "disp", "strain")
-    return Quantities(
-        *(np.concatenate([getattr(quantities, name) for quantities in parts]) for name in names)
-    )
 
 
 def sample_windows(history: History, seconds: float = WINDOW) -> list[slice]:
@@ -100,36 +74,33 @@ class Sampling:
     ground: Floats
     settings: Settings
 
-    def corrected(self, rows: slice, progress: Progress) -> tuple[Quantities, Quantities]:
+    def corrected(
+        self, rows: slice, joints: Mapping[str, slice], progress: Progress
+    ) -> tuple[ComparedRun, ComparedRun]:
         """The finer model's run in a window, and the same corrected by the mesh."""
-        first, last, history = rows.start, rows.stop - 1, self.history
-        start = self._start(first)
-        fine = Replayed(self.finer.system, start.q, self.basis, start.v)
-        full = replace(self.full, start=self.basis @ start.q, rate=self.basis @ start.v)
-        defect = measure_defect((full, fine, fine), self._forces(first, last), progress)
-        stride = self.settings.steps.stride
-        ground = self.ground[:, first * stride : last * stride + 1]
-        settings = replace(self.settings, start=start)
-        better = corrected_run(self.finer, ground, settings, defect.jump_fine)
-        directions = history.jump.shape[2]
-        coarse = Quantities(history.jump[rows, :, 0], history.disp[rows], history.energy["strain"][rows])
-        opening = better.jump[..., 0] + defect.point_fine[:, ::directions]
-        return coarse, Quantities(opening, better.disp + defect.disp_fine, better.energy["strain"])
-
-    def _start(self, row: int) -> Start:
-        """The finer run's state in a row, its jumps those that joint forces see."""
-        history, system = self.history, self.finer.system
+        first, last, system = rows.start, rows.stop - 1, self.finer.system
+        history, stride, n = self.history, self.settings.steps.stride, self.forces.substeps
         assert history.q is not None
-        jump = history.jump[row]
-        if system.at_point is not None:
-            jump = jump - system.more_at_points(history.q[row]).reshape(jump.shape)
-        static = self.settings.initial_state == "static"
-        return start_at(history, self.finer.system.law, row, jump, static)
+        jump = history.jump[first]
+        if system.at_point is not None:  # joint forces see those without what is more at points
+            jump = jump - system.more_at_points(history.q[first]).reshape(jump.shape)
+        start = start_at(history, system.law, first, jump, self.settings.initial_state == "static")
+        fine = Replayed(system, start.q, self.basis, start.v)
+        full = replace(self.full, start=self.basis @ start.q, rate=self.basis @ start.v)
+        forces = replace(
+            self.forces,
+            ground=self.forces.ground[:, first * n : last * n + 1],
+            mean=self.forces.mean[first : last + 1],
+        )
+        defect = measure_defect((full, fine, fine), forces, progress)
+        ground = self.ground[:, first * stride : last * stride + 1]
+        better = corrected_run(self.finer, ground, replace(self.settings, start=start), defect.jump_fine)
+        return self.compared(rows, joints), compared_correction(better, defect, joints)
 
-    def _forces(self, first: int, last: int) -> Forces:
-        n = self.forces.substeps
-        ground = self.forces.ground[:, first * n : last * n + 1]
-        return replace(self.forces, ground=ground, mean=self.forces.mean[first : last + 1])
+    def compared(self, rows: slice, joints: Mapping[str, slice]) -> ComparedRun:
+        """The finer model's run in some rows."""
+        run, strain = self.history, self.history.energy["strain"]
+        return compared_whole(run.time[rows], run.jump[rows, :, 0], run.disp[rows], strain[rows], joints)
 
 
 def sampled_certificate(
@@ -142,23 +113,22 @@ def sampled_certificate(
     joints : name -> slice of its gaps
     progress : called with (rows done, rows in all) of the windows
     """
-    history = sampling.history
-    windows = sample_windows(history)
-    pairs = [sampling.corrected(rows, _after(progress, n, len(windows))) for n, rows in enumerate(windows)]
-    coarse, better = (joined([pair[k] for pair in pairs]) for k in (0, 1))
-    fine = Quantities(history.jump[..., 0], history.disp, history.energy["strain"])
-    errors = Quantities(run.jump[..., 0], run.disp, run.strain).against(fine, joints)
-    histories = {"opening": "opening", "displacement": "disp", "energy": "strain"}
-    windowed = {
-        name: [getattr(quantities, histories[name]) for quantities in (coarse, better)] for name in errors
-    }
-    within = {
-        name: {
-            "l2": _interval(error.l2, relative_l2(*windowed[name])),
-            "peak": _interval(error.peak, _largest(*windowed[name])),
+    windows = sample_windows(sampling.history)
+    pairs = [
+        sampling.corrected(rows, joints, _after(progress, n, len(windows))) for n, rows in enumerate(windows)
+    ]
+    judged = compared_whole(run.time, run.jump[..., 0], run.disp, run.strain, joints)
+    errors = compare("certificate", judged, sampling.compared(slice(None), joints)).errors
+    within = {}
+    for name, error in errors.items():
+        coarse, better = (
+            np.concatenate([each.opening if name == "opening" else each.histories[name] for each in runs])
+            for runs in zip(*pairs, strict=True)
+        )
+        within[name] = {
+            "l2": _interval(error.l2, relative_l2(coarse, better)),
+            "peak": _interval(error.peak, _largest(coarse, better)),
         }
-        for name, error in errors.items()
-    }
     times = [[float(run.time[rows.start]), float(run.time[rows.stop - 1])] for rows in windows]
     share = sum(end - start for start, end in times) / float(run.time[-1])
     details = {
@@ -167,7 +137,7 @@ def sampled_certificate(
         "within": within,
         "windows": times,
         "sampled_share": share,
-        "peak_opening": float(run.jump[..., 0].max()),
+        "peak_opening": float(judged.opening.max()),
         "configuration_sha256": run.attributes["configuration_sha256"],
     }
     return ErrorStatement("certificate", _sentence(run, within, share), errors, details)

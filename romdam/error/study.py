@@ -19,7 +19,7 @@ from romdam.config.load import Job
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.system import History
 from romdam.core.version import SOURCE
-from romdam.error.comparison import Comparison
+from romdam.error.comparison import Differences
 from romdam.postprocess.stated_errors import percent
 from romdam.postprocess.variant_tables import markdown_table
 
@@ -129,16 +129,16 @@ class CaseResult(Setting):
     failure: str = ""
 
 
-def case_result(setting: Setting, runs: Sequence[History], comparison: Comparison) -> CaseResult:
+def case_result(setting: Setting, runs: Sequence[History], differences: Differences) -> CaseResult:
     """Error of a setting, and the CPU time of its repeated runs, those that chose the step counted."""
     stats = runs[0].stats
     cpu = [run.stats.get("all_runs_cpu_seconds", run.stats["loop_cpu_seconds"]) for run in runs]
     return CaseResult(
         **asdict(setting) | {"finest_step": stats["finest_step"]},
-        compared_gaps=comparison.gaps,
-        peak_opening=comparison.peak,
-        peak_error=comparison.error.peak,
-        l2_error=comparison.error.l2,
+        compared_gaps=differences.gaps,
+        peak_opening=differences.peak,
+        peak_error=differences.errors["opening"].peak,
+        l2_error=differences.errors["opening"].l2,
         cpu_seconds=median(cpu),
         cpu_spread=(max(cpu) - min(cpu)) / median(cpu),
         steps=int(stats["steps"]),

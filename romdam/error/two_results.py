@@ -14,12 +14,11 @@ from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import make_interp_spline
 from scipy.signal import correlate
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.errors import ResultError
-from romdam.error.comparison import coinciding
+from romdam.error.alignment import at_times, coinciding, common_clock
 from romdam.error.histories import ComparedHistories, HistoryKey
 from romdam.error.metrics import magnitude_error, opening_error
 
@@ -61,7 +60,7 @@ def side_by_side(first: ComparedHistories, second: ComparedHistories, names: tup
             f"{names[0]} and {names[1]} have no gap, joint or node in common; gaps are known by position "
             "(within 1 mm) or number, joints and nodes by name"
         )
-    time = _clock(first.time, second.time, names)
+    time = common_clock(first.time, second.time, names)
     quantities = _quantities(common, {**second.joint, **first.joint})
     rows = [_row(first, second, places, time) for places in quantities.values()]
     tables = {
@@ -142,21 +141,5 @@ def _with_gaps_of(first: ComparedHistories, second: ComparedHistories) -> Compar
     return ComparedHistories(second.time, series, {}, joint)
 
 
-def _clock(first: Floats, second: Floats, names: tuple[str, str]) -> Floats:
-    sparse = max((first, second), key=lambda time: float(np.median(np.diff(time))))
-    interval = float(np.median(np.diff(sparse)))
-    start, end = max(first[0], second[0]), min(first[-1], second[-1])
-    begin = sparse[min(np.searchsorted(sparse, start), len(sparse) - 1)]
-    count = int((end - begin) / interval + 1e-6) + 1
-    if count < 3:
-        raise ResultError(
-            f"{names[0]} is of {first[0]:g} to {first[-1]:g} s, {names[1]} of "
-            f"{second[0]:g} to {second[-1]:g} s; three steps of {interval:g} s at least must be common"
-        )
-    return np.asarray(begin + interval * np.arange(count), dtype=np.float64)
-
-
 def _at(histories: ComparedHistories, places: list[HistoryKey], time: Floats) -> Floats:
-    values = np.column_stack([histories.series[key] for key in places])
-    within = np.clip(time, histories.time[0], histories.time[-1])
-    return np.asarray(make_interp_spline(histories.time, values, k=1)(within))
+    return at_times(time, histories.time, np.column_stack([histories.series[key] for key in places]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from functools import reduce
 
 import numpy as np
 import xarray as xr
@@ -15,6 +14,7 @@ from romdam.config.sections.comparison import ComparisonConfig
 from romdam.core.arrays import Floats
 from romdam.core.errors import ResultError
 from romdam.core.version import SOURCE
+from romdam.error.alignment import common_rows
 from romdam.error.metrics import magnitude_error
 from romdam.results.dataset import job_labels
 
@@ -110,14 +110,16 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
 
 
 def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    rounded = {name: run.assign_coords(time=np.round(run.time.values, 7)) for name, run in runs.items()}
-    time = reduce(np.intersect1d, (run.time.values for run in rounded.values()))
-    if len(time) < 2:
+    rows = common_rows(*(run.time.values for run in runs.values()))
+    if len(rows[0]) < 2:
         raise ResultError(
-            f"the variants {', '.join(runs)} share {len(time)} written times, at least 2 are compared; "
+            f"the variants {', '.join(runs)} share {len(rows[0])} written times, at least 2 are compared; "
             "set outputs.output_interval, to 0.01 s for example"
         )
-    return {name: run.sel(time=time) for name, run in rounded.items()}
+    return {
+        name: run.isel(time=of_run).assign_coords(time=np.round(run.time.values[of_run], 7))
+        for (name, run), of_run in zip(runs.items(), rows, strict=True)
+    }
 
 
 def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:

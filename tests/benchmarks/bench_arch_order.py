@@ -28,7 +28,8 @@ from mesh_truth import CASES
 
 import romdam
 from romdam.core.threads import one_thread
-from romdam.error.discretisation import OVER_FINER, MeshRun, discretisation
+from romdam.error.comparison import OVER_FINER
+from romdam.error.discretisation import MeshRun, discretisation
 from romdam.pipelines.error.mesh import run_on_mesh
 from romdam.pipelines.run import Clock, silent
 from romdam.records.record_set import load_motions

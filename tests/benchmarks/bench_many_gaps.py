@@ -34,7 +34,7 @@ from romdam.config import parse_config
 from romdam.contact.components import NORMAL
 from romdam.core.arrays import Floats
 from romdam.core.system import History, System
-from romdam.error.comparison import coinciding
+from romdam.error.alignment import coinciding
 from romdam.error.metrics import relative_l2
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene.build import build_scene

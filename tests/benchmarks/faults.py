@@ -339,7 +339,10 @@ _FAULTS = [
     *faults_in(
         "error/discretisation.py",
         _ERROR,
-        ("np.asarray(area @ slip / area.sum())", "np.asarray(slip.mean(axis=0))"),
+        (
+            'np.einsum("g,tga->ta", area, run.jump[:, gaps, SHEAR_J:]) / area.sum()',
+            "run.jump[:, gaps, SHEAR_J:].mean(axis=1)",
+        ),
     ),
     *faults_in(
         "error/study.py",

@@ -4,21 +4,22 @@ import numpy as np
 import pytest
 
 from romdam.core.errors import ResultError
-from romdam.error.comparison import (
-    Openings,
-    compare_openings,
-    read_reference,
-)
+from romdam.error.comparison import ComparedRun, compare
+from romdam.error.histories import read_reference
 from romdam.error.metrics import opening_peak
-from romdam.error.verification import VerifiedRun, against_reference
+from romdam.error.verification import against_stored
 
 POSITION = np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]])
 TIME = np.arange(5) * 0.1
-NAMES = ("a", "b")
 
 
-def openings(values: np.ndarray, time=TIME, position=POSITION) -> Openings:
-    return Openings(time, values, position)
+def openings(values: np.ndarray, time=TIME, position=POSITION) -> ComparedRun:
+    return ComparedRun(time, values[..., None], position)
+
+
+def difference(computed: ComparedRun, reference: ComparedRun):
+    """The error of the openings, as a verification compares them."""
+    return compare("verification", computed, reference).errors["opening"]
 
 
 def test_errors_by_hand():
@@ -27,9 +28,9 @@ def test_errors_by_hand():
     computed = reference.copy()
     computed[2, 2] = 4.4
     computed[3, 1] = 0.3
-    found = compare_openings(openings(computed), openings(reference), NAMES)
-    assert found.error.peak == pytest.approx(0.1)
-    assert found.error.l2 == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
+    found = compare("verification", openings(computed), openings(reference))
+    assert found.errors["opening"].peak == pytest.approx(0.1)
+    assert found.errors["opening"].l2 == pytest.approx(np.hypot(0.4, 0.3) / 5.0)
     assert found.seconds == pytest.approx(0.4)
 
 
@@ -40,25 +41,25 @@ def test_peaks_of_joints_that_do_not_open_are_compared_by_their_closure():
     assert opening_peak(better + 0.1, better) == pytest.approx(0.1 / 4.0)
     assert opening_peak(np.zeros((2, 2)), np.zeros((2, 2))) == 0.0
     closing = np.outer([0.0, 1.0, 1.0, 1.0, 1.0], np.ones(3))
-    found = compare_openings(openings(-closing), openings(-2.0 * closing), NAMES)
-    assert found.error.peak == 0.0 and found.error.l2 == pytest.approx(0.5)
+    found = difference(openings(-closing), openings(-2.0 * closing))
+    assert found.peak == 0.0 and found.l2 == pytest.approx(0.5)
 
 
 def test_gaps_are_matched_by_position_and_times_by_value():
     reference = np.random.default_rng(0).normal(size=(5, 3))
     order = [2, 0, 1]
     shuffled = openings(reference[::2][:, order], TIME[::2], POSITION[order])
-    assert compare_openings(openings(reference), shuffled, NAMES).error.l2 < 1e-15
+    assert difference(openings(reference), shuffled).l2 < 1e-15
 
 
 def test_gaps_or_times_that_do_not_match_are_refused():
     values = np.ones((5, 3))
     with pytest.raises(ResultError, match="not at the places"):
-        compare_openings(openings(values), openings(values, position=POSITION + 0.5), NAMES)
+        difference(openings(values), openings(values, position=POSITION + 0.5))
     with pytest.raises(ResultError, match="fewer than two times"):
-        compare_openings(openings(values), openings(values, time=TIME + 0.05), NAMES)
+        difference(openings(values), openings(values, time=TIME + 0.05))
     with pytest.raises(ResultError, match="nothing to compare"):
-        compare_openings(openings(values), openings(0 * values), NAMES)
+        difference(openings(values), openings(0 * values))
 
 
 def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
@@ -73,11 +74,7 @@ def test_reference_with_positions_of_its_own_or_beside_it(tmp_path):
 
 def test_both_runs_are_compared_with_a_stored_one():
     stored = openings(np.array([[0.0, 0.0, 0.0]] * 4 + [[3.0, 0.0, 4.0]]))
-    reduced, full = (
-        VerifiedRun(history=None, openings=openings(factor * stored.opening), stress=None)
-        for factor in (1.2, 1.1)
-    )
-    found = against_reference(reduced, full, stored, "stored.npz")
+    found = against_stored(*(openings(factor * stored.opening) for factor in (1.2, 1.1)), stored)
     assert found["reduced_against_reference"] == pytest.approx(
         {"peak": 4.8, "peak_reference": 4.0, "peak_error": 0.2, "l2_error": 0.2, "seconds": 0.4}
     )
@@ -88,8 +85,7 @@ def test_gaps_of_joints_that_meet_are_told_apart_by_their_order():
     """Two gaps at one place: no pairing by position knows them, and the runs have them in one order."""
     position = np.array([[0.0, 0, 0], [0, 0, 0], [0, 0, 2]])
     reference = np.tile([3.0, 4.0, 0.0], (5, 1))
-    found = compare_openings(*(openings(reference, position=position) for _ in range(2)), NAMES)
-    assert found.error.l2 == 0.0
+    assert difference(*(openings(reference, position=position) for _ in range(2))).l2 == 0.0
     with pytest.raises(ResultError):  # in another order nothing tells them apart
         moved = openings(reference, position=position[::-1])
-        compare_openings(openings(reference, position=position), moved, NAMES)
+        difference(openings(reference, position=position), moved)

@@ -4,11 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mesh_runs import mesh_run
 
 from romdam.core.system import SLIP, STICK, GapLaw
-from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.discretisation import discretisation
 from romdam.error.estimate import continued, start_at
-from romdam.error.metrics import magnitude_error, peak_bound
+from romdam.error.metrics import RelativeError, magnitude_error, peak_bound
 from romdam.error.study import Setting, case_result, pareto_front
 from romdam.error.two_results import phase
 
@@ -78,7 +79,7 @@ def test_slip_that_is_left_is_a_mean_over_the_area():
             state=state,
         )
         at = np.array([[0.0, 0, 0], [0, 0, 1]])
-        return MeshRun(history, at, np.array([1.0, 3.0]), {"j": slice(0, 2)}, (), np.zeros((0, 4)), 9)
+        return mesh_run(history, at, np.array([1.0, 3.0]), {"j": slice(0, 2)}, 9)
 
     about = {"record": "r", "seconds": 3.0}
     stated = discretisation(run([4e-3, 8e-3]), run([4e-3, 4e-3]), finer=True, about=about)
@@ -91,7 +92,7 @@ def test_cost_of_a_setting_is_the_median_of_its_runs():
         SimpleNamespace(stats={"loop_cpu_seconds": s, "finest_step": 0.002, "steps": 7.0})
         for s in (4, 1, 2.5)
     ]
-    comparison = SimpleNamespace(peak=0.03, error=SimpleNamespace(peak=0.1, l2=0.2), gaps=6)
+    comparison = SimpleNamespace(peak=0.03, errors={"opening": RelativeError(0.2, 0.1)}, gaps=6)
     found = case_result(Setting("modal", 0.005, "20", 3, 400), runs, comparison)
     assert (found.cpu_seconds, found.cpu_spread) == (2.5, pytest.approx(3 / 2.5))
     assert (found.peak_opening, found.peak_error, found.l2_error, found.steps) == (0.03, 0.1, 0.2, 7)

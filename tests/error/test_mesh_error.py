@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 import yaml
 from arch_dams import PERIMETER, ROCK, ROCKS, arch_dam
+from mesh_runs import mesh_run
 from test_cli import SMALL, call
 
 import romdam
@@ -21,7 +22,6 @@ from romdam.error.discretisation import (
     OVER_COARSER,
     OVER_COARSER_QUADRATIC,
     OVER_FINER,
-    MeshRun,
     SiblingRun,
     discretisation,
 )
@@ -70,7 +70,7 @@ def run_of(opening, slip=(0.0, 0.0, 0.0), force=(1.0, 1.0, 1.0), motion=1.0, eve
     forces = {"mean_traction": force, "traction": traction, "water": water}
     history = SimpleNamespace(time=TIME, jump=jump, disp=disp, acc=disp, state=state, **forces)
     area = np.ones(len(position))
-    return MeshRun(history, position, area, joints, ("top",), spectrum * np.ones((3, 4)), 30 * every)
+    return mesh_run(history, position, area, joints, 30 * every, nodes=("top",), spectrum=spectrum)
 
 
 def test_each_quantity_has_its_own_error_and_a_finer_mesh_one_and_a_half_times_the_difference():
@@ -121,7 +121,7 @@ def test_residual_slips_are_means_of_joints():
 
 def test_meshes_without_a_common_gap_are_refused():
     own = run_of([1.0, 1.0, 2.0])
-    moved = MeshRun(own.history, own.position + 0.1, own.area, own.joints, own.nodes, own.spectra, 30)
+    moved = replace(own, position=own.position + 0.1)
     with pytest.raises(ResultError, match="no gap of the one mesh is at a gap of the other within 1 mm"):
         discretisation(own, moved, finer=True, about=ABOUT)
 
@@ -268,11 +268,10 @@ def test_an_error_is_relative_to_what_moves():
     run, sibling = run_of((1.0, 2.0, 3.0)), run_of((1.1, 2.2, 3.3), motion=1.1)
 
     def shifted(one):
-        jump, disp = one.history.jump.copy(), one.history.disp + 1.0
+        jump, by = one.jump.copy(), {"displacement": 1.0, "joint_force": 50.0, "joint_pressure": 50.0}
         jump[..., 0] += 1.0
-        force = one.history.mean_traction + 50.0
-        moved = vars(one.history) | {"jump": jump, "disp": disp, "mean_traction": force}
-        return replace(one, history=SimpleNamespace(**moved))
+        histories = dict(one.histories) | {name: one.histories[name] + rest for name, rest in by.items()}
+        return replace(one, jump=jump, histories=histories)
 
     plain = discretisation(run, sibling, finer=True, about=ABOUT).errors
     with_rest = discretisation(shifted(run), shifted(sibling), finer=True, about=ABOUT).errors
@@ -288,7 +287,7 @@ def test_what_is_left_of_a_joint_that_still_slides_is_not_stated():
         run_of((1.0, 1.0, 1.0), slip=(0.012, 0.0, 0.0)),
     )
     for one in (run, sibling):
-        one.history.jump[:, 1:, 1] = 1e-4 * TIME[:, None]
+        one.jump[:, 1:, 1] = 1e-4 * TIME[:, None]
     stated = discretisation(run, sibling, finer=True, about=ABOUT)
     assert set(stated.errors["residual_slip"].joints) == {"j"}
     assert stated.errors["residual_slip"].l2 == pytest.approx(1.5 * 0.002 / 0.012)
@@ -462,8 +461,8 @@ def test_peaks_that_agree_by_chance_are_those_of_all_places():
     opening = discretisation(one, other, finer=True, about=ABOUT).errors["opening"]
     assert opening.peak == pytest.approx(1.5 * off, rel=1e-3)
     assert opening.joints["k"].peak == pytest.approx(1.5 * np.sqrt(2.0) / np.sqrt(13.0), rel=1e-3)
-    history = SimpleNamespace(**vars(one.history) | {"disp": one.history.disp[:, [1, 0, 2]]})
-    turned = replace(one, history=history)
+    displacement = one.histories["displacement"][..., [1, 0, 2]]
+    turned = replace(one, histories=dict(one.histories) | {"displacement": displacement})
     stated = discretisation(turned, one, finer=True, about=ABOUT)
     wanted = 1.5 * np.hypot(0.5, 0.5) / np.hypot(1.0, 0.5)
     assert stated.errors["displacement"].peak == pytest.approx(wanted, rel=1e-9)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import xarray as xr
 import yaml
+from mesh_runs import mesh_run
 from test_cli import SMALL, call
 
-from romdam.error.discretisation import MeshRun, discretisation
+from romdam.error.discretisation import discretisation
 from romdam.error.mesh_stress import FaceStress, MeshStress
 
 TIME = np.linspace(0.0, 4.0, 401)
@@ -50,9 +51,7 @@ def run_with(faces, sections=None, ring=10.0, unknowns=30):
     )
     forces = {name: shape * np.array(values) for name, values in (sections or {}).items()}
     stress = MeshStress(faces, ends, np.array([ring]), forces)
-    return MeshRun(
-        history, np.zeros((1, 3)), np.ones(1), {"j": slice(0, 1)}, (), np.zeros((0, 4)), unknowns, stress
-    )
+    return mesh_run(history, np.zeros((1, 3)), np.ones(1), {"j": slice(0, 1)}, unknowns, stress=stress)
 
 
 def test_percentiles_of_a_face_are_compared_outside_the_ring_of_the_mesh_that_is_judged():

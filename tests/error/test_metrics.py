@@ -73,7 +73,7 @@ def test_peaks_that_agree_by_chance_are_bounded_by_what_differs_near_them():
     assert opening_peak(values, better) == 0.0
     assert peak_bound(values, better) == pytest.approx(0.15), "7.9 is farther than a fifth from the peak"
     assert peak_bound(better, values) == pytest.approx(0.15)
-    assert opening_error(values, better, peak=peak_bound).peak == pytest.approx(0.15)
+    assert opening_error(values, better, peak="bound").peak == pytest.approx(0.15)
     assert opening_error(values, better).peak == 0.0
     assert peak_bound(values, better, 20.0) == pytest.approx(1.5 / 20.0)
 

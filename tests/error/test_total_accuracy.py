@@ -9,13 +9,13 @@ import pytest
 import xarray as xr
 import yaml
 from arch_dams import arch_dam
+from mesh_runs import mesh_run
 from scene_builders import two_boxes
 from test_cli import SMALL, call
 
 from romdam.config import load_config, parse_config
 from romdam.config.sections.transient import TotalAccuracy
 from romdam.core.errors import ConfigError, MeshError
-from romdam.error.discretisation import MeshRun
 from romdam.error.statement import accuracy_warnings
 from romdam.pipelines import run as run_module
 from romdam.pipelines.automatic_mesh import Trial, choose_mesh
@@ -69,9 +69,7 @@ class Errors:
         error, unknowns = self.of(job)
         jump = (1.0 + error) * np.sin(3.0 * TIME)[:, None, None] * np.ones((1, 1, 1))
         history = history_of(jump)
-        run = MeshRun(
-            history, np.zeros((1, 3)), np.ones(1), {"c": slice(0, 1)}, (), np.zeros((0, 4)), int(unknowns)
-        )
+        run = mesh_run(history, np.zeros((1, 3)), np.ones(1), {"c": slice(0, 1)}, int(unknowns))
         return Trial(run, 2.0)
 
 
@@ -178,7 +176,7 @@ def test_the_direction_of_a_dam_that_pays_is_refined():
         jump = jump[:, None, None] * np.ones((1, len(gaps), 1))
         history = history_of(jump)
         joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up
-        run = MeshRun(history, gaps, np.ones(len(gaps)), joints, (), np.zeros((0, 4)), unknowns, None, True)
+        run = mesh_run(history, gaps, np.ones(len(gaps)), joints, unknowns, quadratic=True)
         return Trial(run, 1.0)
 
     choice = choose_mesh(arch_job(along=2, through=4, up=4), 0.1, run_mesh, ABOUT)

@@ -25,7 +25,8 @@ from romdam.config.load import Job
 from romdam.config.other_mesh import coarser_by_direction, on_finer_mesh, on_quadratic_elements
 from romdam.core.errors import ConfigError
 from romdam.core.threads import one_thread
-from romdam.error.discretisation import OVER_FINER, MeshRun, SiblingRun, discretisation
+from romdam.error.comparison import OVER_FINER
+from romdam.error.discretisation import MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.error.mesh import run_on_mesh
 from romdam.pipelines.error.sibling import sibling_jobs

@@ -32,7 +32,8 @@ from romdam.config.sections.transient import TotalAccuracy
 from romdam.core.errors import RomdamError
 from romdam.core.motion import GroundMotion
 from romdam.core.threads import one_thread
-from romdam.error.discretisation import OVER_FINER, MeshRun, discretisation
+from romdam.error.comparison import OVER_FINER
+from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import opening_errors
 from romdam.pipelines.error.mesh import run_on_mesh
 from romdam.pipelines.run import Clock, choose_mesh_and_modes, run, silent
