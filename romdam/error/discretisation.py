@@ -197,10 +197,10 @@ def discretisation(
     }
     of_nodes = [name for name, each in QUANTITIES.items() if each.at == "nodes" and name in of_elements]
     nodes = {node: {name: of_elements[name].joints[node].plain for name in of_nodes} for node in run.nodes}
-    of_elements |= {name: replace(of_elements[name], joints={}) for name in of_nodes}
+    of_elements = _of_no_nodes(of_elements)
     errors, of_points = of_elements, dict[str, RelativeError]()
     if points is not None:
-        of_points = _differences(*points, kind="contact points")[0].errors
+        of_points = _of_no_nodes(_differences(*points, kind="contact points")[0].errors)
         errors = {name: _added(error, of_points.get(name)) for name, error in of_elements.items()}
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]
     if "acceleration" in lost and "response_spectrum" not in lost:
@@ -297,6 +297,12 @@ def _error_over_difference(
         return float(1.0 / (2.0**order - 1.0))
     rise = np.clip((difference.l2 - _RESOLVED) / (_UNRESOLVED - _RESOLVED), 0.0, 1.0)
     return float(OVER_COARSER_QUADRATIC + rise * (OVER_COARSER - OVER_COARSER_QUADRATIC))
+
+
+def _of_no_nodes(errors: Mapping[str, RelativeError]) -> dict[str, RelativeError]:
+    """The errors, with those of joints but not with those of output nodes."""
+    whole = {name for name, each in QUANTITIES.items() if each.at == "nodes"}
+    return {name: replace(error, joints={}) if name in whole else error for name, error in errors.items()}
 
 
 def _root_of_squares(errors: list[float]) -> float:

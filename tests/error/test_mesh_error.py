@@ -304,6 +304,7 @@ def test_fewer_contact_points_than_nodes_are_a_term_of_their_own():
     assert stated.errors["opening"].joints["k"].peak == pytest.approx(1.5 * 0.02 + 0.1)
     assert stated.details["contact_points"]["opening"]["l2"] == pytest.approx(0.1)
     assert stated.details["elements"]["opening"]["l2"] == pytest.approx(0.03)
+    assert set(stated.details["contact_points"]["displacement"]) == {"l2", "peak"}  # nodes are no joints
     assert "and 10 % for contact points that are fewer than the nodes" in stated.sentence
 
 
