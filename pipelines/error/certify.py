@@ -24,6 +24,7 @@ from pathlib import Path
 from romdam.config.effects import refuse_unknown_effects
 from romdam.config.load import Job, parse_config
 from romdam.config.parameters import vary
+from romdam.core.arrays import Floats
 from romdam.core.errors import ConfigError, ResultError, quote
 from romdam.core.final_state import InitialState
 from romdam.core.fingerprint import code_digest
@@ -42,18 +43,18 @@ from romdam.error.certificate import (
     replayed_models,
 )
 from romdam.error.estimate import WINDOW
-from romdam.error.replay import Replayed, corrected_run, measure_defect
+from romdam.error.replay import Defect, Replayed, corrected_run, measure_defect
 from romdam.error.sampled import SHORTEST, Sampling, sampled_certificate
 from romdam.error.statement import ErrorStatement, write_certificate
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import scene_of
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent
-from romdam.pipelines.simulation import RunModel, ground_at_steps, prepare, settings_for
+from romdam.pipelines.simulation import ground_at_steps, prepare, settings_for
 from romdam.postprocess.responses import PARAMETER
 from romdam.records.record_set import load_motions
 from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.refinement import embedding, mesh_basis, much_finer
-from romdam.reduction.synthesis import ReducedModel, reduce_scene
+from romdam.reduction.synthesis import reduce_scene
 from romdam.results.stored_run import FOLDER, StoredRun, read_run
 from romdam.results.suite.design import varied_keys
 from romdam.timestepping.integrators.registry import integrator_class
@@ -101,39 +102,48 @@ def certify(
     """
     run = read_run(Path(result))
     job, clock = _of_sample(job_of(run, config), run), Clock(show)
-    _refuse_without_added_jumps(job)
+    named = job.config.transient.integrator
+    if named is not None and not integrator_class(named).shifts:
+        raise ConfigError(
+            f"{job.path}: transient.integrator: a certificate adds jumps to a run, and {named} cannot take "
+            "them; leave the integrator out, or take `romdam verify`, which runs the mesh itself"
+        )
     refuse_unknown_effects(job.config, "certificate", str(job.path))
     motion = _motion(job, run)
     scene = _scene(job, run, clock)
-    _refuse_going_on(job, scene)
     with clock.stage("model", "reducing the blocks"):
         model = reduced_model(job, scene, None, estimated=False)
     run.refuse_other(scene.gap_position, model.system.size)
     with clock.stage("finer", "reducing a finer model"):
         fine = reduce_scene(scene, much_finer(mode_choice(job.config.model)), job.config.damping)
     with clock.stage("full", "assembling and factoring the full model"):
-        full = ready_to_replay(assemble_full(scene, job.config.damping), _interval(run))
+        full = ready_to_replay(assemble_full(scene, job.config.damping), run.interval)
     settings = settings_for(job, model.prepared, motion, run.steps)
     damped = run.attributes.get("integrator") != "conserving"  # else histories part within a window
     sampled = passes is None and damped and begins_at_rows(model.system)
     sampled = sampled and model.prepared.integrator.resumes and float(run.time[-1]) > SHORTEST
+    rows = 2 * round(WINDOW / run.interval) if sampled else (passes or 1) * (len(run.time) - 1)
     with clock.stage("cost", "timing a solution"):
-        tell(_cost(full, run, 2 * round(WINDOW / _interval(run)) if sampled else (passes or 1) * _rows(run)))
+        tell(_cost(full, run, rows))
+    finer, joints = prepare(job, fine.system), model.system.law.joints
     if sampled:
-        statement, history = _sampled(job, run, motion, model, fine, full, settings, clock)
+        sampling = _sampling(run, motion, finer, full, mesh_basis(scene, fine), settings, clock)
+        with clock.stage("replay", "solving the mesh in windows") as progress:
+            statement, history = sampled_certificate(run, sampling, joints, progress), sampling.history
     else:
-        models = _replayed(job, run, model, fine, full)
-        correction = _correct(
-            _Certified(run, motion, models, prepare(job, fine.system)), settings, passes or 1, clock
-        )
-        statement, history = certificate(run, correction, model.system.law.joints), correction.corrected
+        assert model.reduced is not None
+        coarse = Replayed(model.system, run.q[0], mesh_basis(scene, model.reduced))
+        embed, static = embedding(scene, model.reduced, fine), job.config.loads.begins == "static"
+        models = replayed_models(run, full, coarse, fine.system, embed, static=static)
+        correction = _correct(run, motion, models, finer, settings, passes or 1, clock)
+        statement, history = certificate(run, correction, joints), correction.corrected
     cpu = {f"cpu_seconds_{name}": seconds for name, seconds in clock.cpu.items()}
     statement = replace(statement, details={**statement.details, **cpu})
     return Certified(statement, write_certificate(run.path, statement), history)
 
 
 def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
-    """The scene, if it is the run's: refused before anything is reduced."""
+    """The scene, if it is the run's and both can be replayed: refused before anything is reduced."""
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
     run.refuse_other(scene.gap_position, run.q.shape[1])
@@ -143,11 +153,6 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
             f"{run.path}: was made of another scene than {job.path} is now: a mesh, matrices or "
             "a gap table have changed since; run the configuration again"
         )
-    return scene
-
-
-def _refuse_going_on(job: Job, scene: Scene) -> None:
-    """Raise where the run began in the motion in which another one ended."""
     initial = scene.find(InitialState)
     if initial is not None and initial.going_on is not None:
         raise ConfigError(
@@ -155,18 +160,11 @@ def _refuse_going_on(job: Job, scene: Scene) -> None:
             "ended, which is known in that run's modes, and neither the mesh nor the finer model of a "
             "certificate has it; run both records as one with records[].after, and certify that"
         )
+    return scene
 
 
 def _of_this_code(run: StoredRun) -> bool:
     return run.attributes.get("code_sha256") == code_digest()
-
-
-def _interval(run: StoredRun) -> float:
-    return float(run.time[1] - run.time[0])
-
-
-def _rows(run: StoredRun) -> int:
-    return len(run.time) - 1
 
 
 def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
@@ -174,8 +172,8 @@ def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
     assert full.factor is not None
     begun = time.process_time()
     full.factor.solve(full.start)
-    seconds, solutions = time.process_time() - begun, 2 * replay_substeps(_interval(run)) * rows
-    share = min(1.0, rows / _rows(run))
+    seconds, solutions = time.process_time() - begun, 2 * replay_substeps(run.interval) * rows
+    share = min(1.0, rows / (len(run.time) - 1))
     return (
         f"{run.path}: {solutions} solutions with the mesh's {full.system.size} unknowns, about "
         f"{solutions * seconds:.2g} s, over {100 * share:.0f} % of the record; beside it runs of a finer "
@@ -188,35 +186,22 @@ def begins_at_rows(system: System) -> bool:
     return system.pseudo_static is None and not system.signals
 
 
-def _sampled(
-    job: Job,
+def _sampling(
     run: StoredRun,
     motion: GroundMotion,
-    model: RunModel,
-    fine: ReducedModel,
+    finer: Prepared,
     full: Replayed,
+    basis: Floats,
     settings: Settings,
     clock: Clock,
-) -> tuple[ErrorStatement, History]:
-    """The statement from windows of the record, and the finer model's run over all of it."""
-    finer, end = prepare(job, fine.system), float(run.time[-1])
+) -> Sampling:
+    """What windows of the record are made of: the finer model's run over all of it, and its joint forces."""
+    end = float(run.time[-1])
     ground = ground_at_steps(motion, settings.steps.base, end)
     with clock.stage("finer_run", "running the finer model") as progress:
         history = simulate_one(finer, ground, settings, progress)
-    basis = mesh_basis(model.scene, fine)
     forces = replay_forces(run, history.mean_traction, partial(ground_at_steps, motion, duration=end))
-    sampling = Sampling(finer, history, full, basis, forces, ground, settings)
-    with clock.stage("replay", "solving the mesh in windows") as progress:
-        return sampled_certificate(run, sampling, model.system.law.joints, progress), history
-
-
-def _refuse_without_added_jumps(job: Job) -> None:
-    named = job.config.transient.integrator
-    if named is not None and not integrator_class(named).shifts:
-        raise ConfigError(
-            f"{job.path}: transient.integrator: a certificate adds jumps to a run, and {named} cannot take "
-            "them; leave the integrator out, or take `romdam verify`, which runs the mesh itself"
-        )
+    return Sampling(finer, history, full, basis, forces, ground, settings)
 
 
 def job_of(run: StoredRun, config: str | Path | None) -> Job:
@@ -281,47 +266,32 @@ def _motion(job: Job, run: StoredRun) -> GroundMotion:
     raise ResultError(f"{run.path}: its record {name!r} is not among those of {job.path}")
 
 
-@dataclass(frozen=True)
-class _Certified:
-    """A run, its ground motion, the models that it is replayed through, and the one it is corrected in.
+def _correct(
+    run: StoredRun,
+    motion: GroundMotion,
+    models: tuple[Replayed, Replayed, Replayed],
+    finer: Prepared,
+    settings: Settings,
+    passes: int,
+    clock: Clock,
+) -> Correction:
+    """Feed the full order's defect back into the finer model, `passes` times.
 
-    The models are the full, the reduced and the finer one; `finer` is the last, ready to be integrated.
+    Parameters
+    ----------
+    models : the full, the reduced and the finer one
+    finer : the last, ready to be integrated
     """
-
-    run: StoredRun
-    motion: GroundMotion
-    models: tuple[Replayed, Replayed, Replayed]
-    finer: Prepared
-
-
-def _replayed(
-    job: Job, run: StoredRun, model: RunModel, fine: ReducedModel, full: Replayed
-) -> tuple[Replayed, Replayed, Replayed]:
-    """The models that a run is replayed through, from its start."""
-    assert model.reduced is not None
-    basis = mesh_basis(model.scene, model.reduced)
-    embed = embedding(model.scene, model.reduced, fine)
-    static = job.config.loads.begins == "static"
-    mesh, coarse, finer = replayed_models(run, (full.system, model.system, fine.system), basis, embed, static)
-    return replace(mesh, factor=full.factor), coarse, finer
-
-
-def _correct(case: _Certified, settings: Settings, passes: int, clock: Clock) -> Correction:
-    """Feed the full order's defect back into the finer model, `passes` times."""
-    run, end = case.run, float(case.run.time[-1])
-    ground_at = partial(ground_at_steps, case.motion, duration=end, system=case.finer.system)
+    ground_at = partial(ground_at_steps, motion, duration=float(run.time[-1]), system=finer.system)
     ground = ground_at(settings.steps.base)
-    correction: Correction | None = None
+    defects, mean, before, corrected = list[Defect](), run.mean, run.jump, None
     for number in range(1, passes + 1):
-        mean = run.mean if correction is None else correction.corrected.mean_traction
+        if corrected is not None:
+            mean, before = corrected.mean_traction, corrected.jump
         forces = replay_forces(run, mean, ground_at)
         with clock.stage(f"replay_{number}", "replaying the joint forces through the full order") as progress:
-            defect = measure_defect(case.models, forces, progress)
+            defects.append(measure_defect(models, forces, progress))
         with clock.stage(f"correction_{number}", "correcting the run") as progress:
-            corrected = corrected_run(case.finer, ground, settings, defect.jump_fine, progress)
-        first = defect if correction is None else correction.first
-        correction = Correction(
-            first, defect, corrected, run.jump if correction is None else correction.corrected.jump
-        )
-    assert correction is not None
-    return correction
+            corrected = corrected_run(finer, ground, settings, defects[-1].jump_fine, progress)
+    assert corrected is not None
+    return Correction(defects[0], defects[-1], corrected, before)

@@ -72,33 +72,28 @@ def replay_forces(run: StoredRun, mean: Floats, ground_at: Callable[[float], Flo
     mean : (nt, ng, d) mean force over the interval that ends at each row [N]
     ground_at : step -> (3, nt) ground acceleration at every step of the run [m/s2]
     """
-    interval = float(run.time[1] - run.time[0])
-    substeps = replay_substeps(interval)
-    ground, first = ground_at(interval / substeps), run.traction[0].ravel()
-    return Forces(ground, mean.reshape(len(mean), -1), first, interval, substeps)
+    substeps = replay_substeps(run.interval)
+    ground, first = ground_at(run.interval / substeps), run.traction[0].ravel()
+    return Forces(ground, mean.reshape(len(mean), -1), first, run.interval, substeps)
 
 
 def replayed_models(
-    run: StoredRun,
-    systems: tuple[System, System, System],
-    basis: Floats,
-    embed: csr_matrix,
-    static: bool,
+    run: StoredRun, full: Replayed, reduced: Replayed, finer: System, embed: csr_matrix, *, static: bool
 ) -> tuple[Replayed, Replayed, Replayed]:
     """The full, the reduced and the finer model, each with the displacement that its replay starts from.
 
     Parameters
     ----------
-    systems : of full order, reduced, finer
-    basis : (full, reduced), of the reduced model
+    full, reduced : that start from nothing yet; the reduced one with its basis
     embed : (finer, reduced), see `romdam.reduction.refinement.embedding`
     static : whether the run started in equilibrium
     """
     q, force = run.q[0], run.traction[0].ravel()
-    guesses = (basis @ q, q, embed @ q)
-    starts = [replay_start(s, g, force, static) for s, g in zip(systems, guesses, strict=True)]
-    full, reduced, fine = (Replayed(s, u) for s, u in zip(systems, starts, strict=True))
-    return full, replace(reduced, basis=basis), fine
+    guesses = ((full, reduced.basis @ q), (reduced, q), (Replayed(finer, q), embed @ q))
+    mesh, coarse, fine = (
+        replace(model, start=replay_start(model.system, guess, force, static)) for model, guess in guesses
+    )
+    return mesh, coarse, fine
 
 
 def certificate(run: StoredRun, correction: Correction, joints: dict[str, slice]) -> ErrorStatement:

@@ -54,6 +54,11 @@ class StoredRun:
     position: Floats
 
     @property
+    def interval(self) -> float:
+        """Time between two rows [s]."""
+        return float(self.time[1] - self.time[0])
+
+    @property
     def steps(self) -> tuple[float, float]:
         """Finest and base step [s].
 
