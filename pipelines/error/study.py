@@ -197,9 +197,9 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, obje
         system = reduce_scene(scene, ALL_MODES, damping).system if dense else assemble_full(scene, damping)
     prepared = prepare(setup.job, system, None if dense else FULL_ORDER)
     settings = _settings(setup, prepared, dt or min(setup.steps) / FINER)
-    ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
-    with clock.stage("reference", f"the reference, {ground.shape[1] - 1} steps") as progress:
-        history = simulate_one(prepared, ground, settings, progress)
+    steps = round(setup.compared / settings.steps.base)
+    with clock.stage("reference", f"the reference, {steps} steps") as progress:
+        history = _simulate(setup, prepared, settings, setup.compared, progress)
     name = f"all {system.size} modes" if dense else f"full order ({system.size} unknowns)"
     name = f"{name} at dt {settings.steps.finest:g} s"
     return replace(compared_openings(scene, history, {}, setup.compared), name=name), {}
@@ -230,8 +230,7 @@ def _finer_reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str
                 history = simulate_motion(accurate, prepared, setup.motion, setup.compared, progress)
             else:
                 settings = _settings(setup, prepared, wanted.reference_step)
-                ground = ground_at_steps(setup.motion, settings.steps.base, setup.compared, system)
-                history = simulate_one(prepared, ground, settings, progress)
+                history = _simulate(setup, prepared, settings, setup.compared, progress)
         runs.append(compared_openings(scene, history, {}, setup.compared))
     fine, coarse = runs
     left = compare("reference of a study", coarse, fine).errors["opening"].l2
@@ -259,30 +258,35 @@ class _Case:
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
     wanted = setup.job.config.study
-    bases: list[tuple[str, ModeChoice]] = [
-        (f"{count} modes", ModeChoice(count=count, residual_vectors=vectors))
-        for count, vectors in itertools.product(wanted.counts, wanted.residual_vectors)
+    sizes: list[tuple[int | None, float | None]] = [(count, None) for count in wanted.counts]
+    sizes += [(None, cutoff) for cutoff in wanted.cutoffs or ()]
+    choices = [
+        ModeChoice(*size, vectors) for size, vectors in itertools.product(sizes, wanted.residual_vectors)
     ]
-    bases += [
-        (f"below {cutoff:g} Hz", ModeChoice(cutoff=cutoff, residual_vectors=vectors))
-        for cutoff, vectors in itertools.product(wanted.cutoffs or (), wanted.residual_vectors)
-    ]
-    for mesh, (modes, choice) in itertools.product(setup.meshes, bases):
-        start, vectors = cpu_time(), choice.residual_vectors
-        text = f"mesh {mesh.variant.mesh}: reducing to {modes} a block, {vectors} residual vectors"
-        with clock.stage("model", text), placed(setup.job.path):
-            system = reduce_scene(mesh.scene, choice, setup.job.config.damping).system
-        model_cpu = mesh.cpu_seconds + cpu_time() - start
+    for mesh, choice in itertools.product(setup.meshes, choices):
+        text = f"mesh {mesh.variant.mesh}: reducing to {_words(choice)} a block, {choice.residual_vectors}"
+        system, model_cpu = _reduced(mesh, setup.job, choice, f"{text} residual vectors", clock)
         for integrator in wanted.integrators:
             prepared = prepare(mesh.job, system, integrator)
             for step in setup.steps:
                 settings = _settings(setup, prepared, step)
-                setting = _setting(mesh, system, prepared, modes, vectors, model_cpu)
-                yield _Case(
-                    replace(setting, finest_step=settings.steps.finest),
-                    mesh.scene,
-                    partial(_simulate, setup, prepared, settings),
-                )
+                setting = _setting(mesh, prepared, choice, settings.steps.finest, model_cpu)
+                run = partial(_simulate, setup, prepared, settings, setup.duration)
+                yield _Case(setting, mesh.scene, run)
+
+
+def _reduced(mesh: _Mesh, job: Job, choice: ModeChoice, text: str, clock: Clock) -> tuple[System, float]:
+    """The reduced system of a mesh, and the CPU time of its scene and of reducing it [s]."""
+    start = cpu_time()
+    with clock.stage("model", text), placed(job.path):
+        system = reduce_scene(mesh.scene, choice, job.config.damping).system
+    return system, mesh.cpu_seconds + cpu_time() - start
+
+
+def _words(choice: ModeChoice) -> str:
+    if choice.cutoff is not None:
+        return f"below {choice.cutoff:g} Hz"
+    return "all modes" if choice.keeps_all else f"{choice.count} modes"
 
 
 def _settings(setup: _Setup, prepared: Prepared, step: float) -> Settings:
@@ -300,16 +304,12 @@ def _case_of_job(setup: _Setup, reference: ComparedRun, clock: Clock) -> CaseRes
         variant = MeshVariant("as given" if choice is None else choice.name, "as given", job)
         given = (mesh for mesh in setup.meshes if replace(mesh.variant, job=job) == variant)
         mesh = next(given, None) or _scene(variant, clock)
-        start, modes = cpu_time(), mode_choice(job.config.model)
-        with clock.stage("model", "reducing the job's own model"), placed(job.path):
-            system = reduce_scene(mesh.scene, modes, job.config.damping).system
-        model_cpu, prepared = mesh.cpu_seconds + cpu_time() - start, prepare(job, system)
-        basis = "all modes" if modes.keeps_all else f"{modes.count} modes"
-        if modes.cutoff is not None:
-            basis = f"below {modes.cutoff:g} Hz"
-        setting = _setting(mesh, system, prepared, basis, modes.residual_vectors, model_cpu)
+        modes = mode_choice(job.config.model)
+        system, model_cpu = _reduced(mesh, job, modes, "reducing the job's own model", clock)
+        prepared = prepare(job, system)
+        setting = replace(_setting(mesh, prepared, modes, math.nan, model_cpu), of_job=True)
         finest = settings_for(job, prepared, setup.motion).steps.finest
-        setting = replace(setting, finest_step=finest, of_job=True)
+        setting = replace(setting, finest_step=finest)
         run = partial(simulate_motion, job, prepared, setup.motion, setup.duration)
     except (ConfigError, MeshError, ReductionError, ConvergenceError) as error:
         return failed_case(setting, str(error))
@@ -317,15 +317,14 @@ def _case_of_job(setup: _Setup, reference: ComparedRun, clock: Clock) -> CaseRes
 
 
 def _setting(
-    mesh: _Mesh, system: System, prepared: Prepared, modes: str, vectors: int, model_cpu: float
+    mesh: _Mesh, prepared: Prepared, choice: ModeChoice, finest_step: float, model_cpu: float
 ) -> Setting:
-    """A setting but for its step."""
     return Setting(
         integrator=prepared.integrator.name,
-        finest_step=math.nan,
-        modes=modes,
-        residual_vectors=vectors,
-        unknowns=system.size,
+        finest_step=finest_step,
+        modes=_words(choice),
+        residual_vectors=choice.residual_vectors,
+        unknowns=prepared.system.size,
         mesh=mesh.variant.mesh,
         contact_points=mesh.variant.contact_points,
         gaps=len(mesh.scene.gap_position),
@@ -334,9 +333,10 @@ def _setting(
     )
 
 
-def _simulate(setup: _Setup, prepared: Prepared, settings: Settings, progress: Progress) -> History:
-    """A run of the whole time that is timed."""
-    ground = ground_at_steps(setup.motion, settings.steps.base, setup.duration, prepared.system)
+def _simulate(
+    setup: _Setup, prepared: Prepared, settings: Settings, seconds: float, progress: Progress
+) -> History:
+    ground = ground_at_steps(setup.motion, settings.steps.base, seconds, prepared.system)
     return simulate_one(prepared, ground, settings, progress)
 
 
