@@ -211,7 +211,9 @@ def compare(kind: str, judged: ComparedRun, better: ComparedRun) -> Differences:
     }
     for name in row.quantities:
         if name in judged.histories and name in better.histories:
-            pairs[name] = _from_rest(row, name, judged.histories[name], better.histories[name])
+            pairs[name] = judged.histories[name], better.histories[name]
+            if row.from_rest and QUANTITIES[name].moves:
+                pairs[name] = from_rest(*pairs[name], each=QUANTITIES[name].at == "joints")
     errors = {
         name: _error(row, name, pairs[name], parts[QUANTITIES[name].at])
         for name in row.quantities
@@ -225,18 +227,6 @@ def compare(kind: str, judged: ComparedRun, better: ComparedRun) -> Differences:
         peak=float(opening.max()),
         peak_reference=float(opening_wanted.max()),
     )
-
-
-def _from_rest(row: Comparison, name: str, values: Floats, better: Floats) -> tuple[Floats, Floats]:
-    """Histories less their values at rest, where they are to be measured so; joints each by itself."""
-    quantity = QUANTITIES[name]
-    if not (row.from_rest and quantity.moves):
-        return values, better
-    if quantity.at != "joints":
-        return from_rest(values, better)
-    each = [from_rest(*pair) for pair in zip(values.T, better.T, strict=True)]
-    judged, wanted = (np.stack(columns, axis=1) for columns in zip(*each, strict=True))
-    return judged, wanted
 
 
 def _error(

@@ -196,12 +196,16 @@ def run_window(
     history, ground, settings : see `estimate_error`
     """
     first, last, stride, start = rows.start, rows.stop - 1, settings.steps.stride, None
-    initial = finer.prepared.system.initial
+    system = finer.prepared.system
+    initial = system.initial
     goes_on = initial is not None and initial.take == "all" and initial.moves
     if first > 0 or (goes_on and finer.prepared.integrator.resumes):
-        static, law = settings.initial_state == "static", finer.prepared.system.law
-        begun = start_at(history, law, first, _jump_of_forces(history, finer, first), static)
-        start = replace(begun, q=finer.embed @ begun.q, v=finer.embed @ begun.v)
+        assert history.coordinates is not None
+        q, v = (finer.embed @ motion for motion in history.coordinates.row(first))
+        jump = jump_of_forces(history, system, q, first)
+        start = replace(
+            start_at(history, system.law, first, jump, settings.initial_state == "static"), q=q, v=v
+        )
     shaken = ground[:, first * stride : last * stride + 1]
     only = replace(settings, start=start, only_jumps=True)
     return simulate_one(finer.prepared, shaken, only)
@@ -252,13 +256,12 @@ def continued(opening: Floats, finer: Floats, rows: slice, rest: int) -> Floats:
     return better
 
 
-def _jump_of_forces(history: History, finer: FinerModel, row: int) -> Floats:
-    """The jumps (ng, d) of a row that joint forces see."""
-    system, jump = finer.prepared.system, history.jump[row]
+def jump_of_forces(history: History, system: System, motion: Floats, row: int) -> Floats:
+    """The jumps (ng, d) of a row that joint forces see, in which a system moves by `motion`."""
+    jump = history.jump[row]
     if system.at_point is None:
         return jump
-    assert history.coordinates is not None
-    more = system.more_at_points(finer.embed @ history.coordinates.row(row)[0])
+    more = system.more_at_points(motion)
     if system.pseudo_static is not None:
         more += system.pseudo_static.at_point @ history.supports[row]
     return jump - more.reshape(jump.shape)
@@ -274,8 +277,11 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
     memory, (q, v) = None, history.coordinates.row(row)
     if law.laws:
         has_moved = (history.state[0 if static else 1 : row + 1] != STICK).any(axis=0)
-        rate, widest = _slip_rate(history, row), history.jump[: row + 1, :, 0].max(axis=0)
+        widest = history.jump[: row + 1, :, 0].max(axis=0)
         slips = np.linalg.norm(np.diff(history.jump[: row + 1, :, 1:], axis=0), axis=2)
+        rate = np.zeros(len(widest))  # of slip, in the interval that ends at the row [m/s]
+        if row > 0:
+            rate = slips[-1] / (history.time[row] - history.time[row - 1])
         path = (slips * (history.state[1 : row + 1] == SLIP)).sum(axis=0)  # while they slide [m]
         if law.memory.size:  # what a gap lost in the grouting of other joints it has not
             fresh = law_memory(law, lambda each, values, i: each.initial(values, law.gap[i]))
@@ -289,11 +295,3 @@ def start_at(history: History, law: GapLaw, row: int, jump: Floats, static: bool
 
         memory = law_memory(law, resumed)
     return Start(q, v, jump, history.traction[row], memory)
-
-
-def _slip_rate(history: History, row: int) -> Floats:
-    """Mean speed of slip (ng,) over the interval that ends at a row, zero at the first [m/s]."""
-    if row == 0:
-        return np.zeros(history.jump.shape[1])
-    slip = history.jump[row, :, 1:] - history.jump[row - 1, :, 1:]
-    return np.sqrt((slip**2).sum(axis=1)) / (history.time[row] - history.time[row - 1])

@@ -59,7 +59,9 @@ class RelativeError:
         return {"l2": self.l2, "peak": self.peak} | ({"joints": joints} if joints else {})
 
 
-def from_rest(values: Floats, better: Floats, rest: Floats | None = None) -> tuple[Floats, Floats]:
+def from_rest(
+    values: Floats, better: Floats, rest: Floats | None = None, *, each: bool = False
+) -> tuple[Floats, Floats]:
     """Return histories (nt, ...) less their values at rest, so that an error is relative to what moves.
 
     Where nothing moves but by round-off they stay as they are.
@@ -67,11 +69,13 @@ def from_rest(values: Floats, better: Floats, rest: Floats | None = None) -> tup
     Parameters
     ----------
     rest : (...) of both; each one's first row if not given
+    each : whether every place is looked at by itself, not all together
     """
     start, better_start = (values[0], better[0]) if rest is None else (rest, rest)
-    if np.abs(better - better_start).max(initial=0.0) <= _STILL * np.abs(better).max(initial=0.0):
-        return values, better
-    return values - start, better - better_start
+    axis = 0 if each else None
+    moves = np.abs(better - better_start).max(axis=axis, initial=0.0)
+    still = moves <= _STILL * np.abs(better).max(axis=axis, initial=0.0)
+    return values - np.where(still, 0.0, start), better - np.where(still, 0.0, better_start)
 
 
 def relative_l2(values: Floats, better: Floats, least: float = 0.0) -> float:

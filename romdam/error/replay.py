@@ -198,12 +198,9 @@ def measure_defect(
     full, coarse, _ = models
     rows, n = len(forces.mean), full.system.solids
     K = csr_matrix(full.system.K[:n, :n])
-    jump, disp, energy = (
-        _empty(3, rows, full.system.B),
-        _empty(3, rows, full.system.observe[full.system.of_probes]),
-        np.zeros((2, rows)),
-    )
-    point = np.zeros_like(jump[0])
+    probes = full.system.observe[full.system.of_probes].shape[0]
+    jump, disp = np.zeros((3, rows, full.system.B.shape[0])), np.zeros((3, rows, probes))
+    point, energy = np.zeros_like(jump[0]), np.zeros((2, rows))
     runs = zip(*(replay(model, forces) for model in models), strict=True)
     for row, (u, q, z) in enumerate(runs):
         for k, (model, motion) in enumerate(zip(models, (u, q, z), strict=True)):
@@ -225,10 +222,6 @@ def measure_defect(
 
 def _more_at_points(system: System, motion: Floats) -> Floats | float:
     return 0.0 if system.at_point is None else system.at_point @ motion
-
-
-def _empty(count: int, rows: int, operator: spmatrix) -> Floats:
-    return np.zeros((count, rows, operator.shape[0]))
 
 
 def corrected_run(

@@ -23,7 +23,7 @@ from romdam.core.arrays import Floats
 from romdam.core.system import History
 from romdam.error.certificate import compared_correction, compared_whole
 from romdam.error.comparison import ComparedRun, compare
-from romdam.error.estimate import WINDOW, start_at
+from romdam.error.estimate import WINDOW, jump_of_forces, start_at
 from romdam.error.metrics import relative_l2
 from romdam.error.replay import Forces, Replayed, corrected_run, measure_defect
 from romdam.error.statement import ErrorStatement
@@ -81,9 +81,7 @@ class Sampling:
         first, last, system = rows.start, rows.stop - 1, self.finer.system
         history, stride, n = self.history, self.settings.steps.stride, self.forces.substeps
         assert history.q is not None
-        jump = history.jump[first]
-        if system.at_point is not None:  # joint forces see those without what is more at points
-            jump = jump - system.more_at_points(history.q[first]).reshape(jump.shape)
+        jump = jump_of_forces(history, system, history.q[first], first)
         start = start_at(history, system.law, first, jump, self.settings.initial_state == "static")
         fine = Replayed(system, start.q, self.basis, start.v)
         full = replace(self.full, start=self.basis @ start.q, rate=self.basis @ start.v)

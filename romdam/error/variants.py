@@ -123,7 +123,11 @@ def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
 
 
 def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
-    """Histories of one result that are compared."""
+    """Histories of one result that are compared, with their largest values.
+
+    Accelerations are means since the time before, and the value at the first time. They follow from the
+    velocities and keep the impulse of an impact, whose acceleration at the written times is chance.
+    """
     attrs = run.attrs
     cpu = {key: float(attrs.get(f"cpu_seconds_{key}", 0.0)) for key in ("scene", "model", "integration")}
     variables: dict[str, object] = {
@@ -136,62 +140,37 @@ def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
         "cpu_seconds_loop": float(attrs["solver_loop_cpu_seconds"]),
         "cpu_seconds_total": sum(cpu.values()),
     }
+    motions = {}
     if "displacement" in run:
-        for name, motion in {
-            "displacement": run.displacement,
-            "acceleration": _mean_acceleration(run),
-        }.items():
-            variables |= _motions(name, motion, asked)
+        mean, intervals = run.acceleration.copy(), np.diff(run.time.values)[:, None, None]
+        velocity = run.velocity.transpose("time", "node", "component").values
+        mean[1:] = np.diff(velocity, axis=0) / intervals
+        for name, motion in {"displacement": run.displacement, "acceleration": mean}.items():
+            motions[name] = motion
             if asked.relative:
-                variables |= _motions(f"relative_{name}", _relative(motion, asked), asked)
+                pairs = [
+                    motion.sel(node=b, drop=True) - motion.sel(node=a, drop=True)
+                    for a, b in asked.relative.values()
+                ]
+                relative = xr.concat(pairs, dim="pair").assign_coords(pair=list(asked.relative))
+                motions[f"relative_{name}"] = relative.transpose("time", ...)
+    for name, motion in motions.items():
+        values = motion.drop_vars([c for c in motion.coords if c not in motion.dims])
+        component = values.sel(component=asked.component, drop=True)
+        variables[name] = values
+        variables[_PEAKS[name]] = component.isel(time=abs(component).argmax("time")).drop_vars("time")
+        if name.endswith("displacement"):  # and when the node is farthest
+            square: xr.DataArray = (values**2).sum("component")
+            variables[f"peak_{name}"] = values.isel(time=square.argmax("time")).drop_vars("time")
+            variables[f"peak_{name}_time"] = square.idxmax("time")
     if "opening" in run:
-        variables |= _openings(run)
-    return (
-        xr.Dataset(variables).drop_vars(("node_block", "node_position"), errors="ignore").assign(_stress(run))
-    )
-
-
-def _mean_acceleration(run: xr.Dataset) -> xr.DataArray:
-    """Mean acceleration since the time before (nt, nodes, 3) [m/s2]; at the first time its value.
-
-    It follows from the velocities, so that it keeps the impulse of an impact, whose acceleration at the
-    written times is chance.
-    """
-    mean = run.acceleration.copy()
-    intervals = np.diff(run.time.values)[:, None, None]
-    mean[1:] = np.diff(run.velocity.transpose("time", "node", "component").values, axis=0) / intervals
-    return mean
-
-
-def _relative(motion: xr.DataArray, asked: ComparisonConfig) -> xr.DataArray:
-    pairs = [
-        motion.sel(node=b, drop=True) - motion.sel(node=a, drop=True) for a, b in asked.relative.values()
-    ]
-    return xr.concat(pairs, dim="pair").assign_coords(pair=list(asked.relative)).transpose("time", ...)
-
-
-def _motions(name: str, values: xr.DataArray, asked: ComparisonConfig) -> dict[str, xr.DataArray]:
-    """Histories of vectors, the largest of the compared component, and the largest vector of displacement."""
-    values = values.drop_vars([c for c in values.coords if c not in values.dims])
-    component = values.sel(component=asked.component, drop=True)
-    largest = component.isel(time=abs(component).argmax("time")).drop_vars("time")
-    motions = {name: values, _PEAKS[name]: largest}
-    if name.endswith("displacement"):
-        square: xr.DataArray = (values**2).sum("component")
-        motions[f"peak_{name}"] = values.isel(time=square.argmax("time")).drop_vars("time")
-        motions[f"peak_{name}_time"] = square.idxmax("time")
-    return motions
-
-
-def _openings(run: xr.Dataset) -> dict[str, xr.DataArray]:
-    names = run.joint.values
-    widest = [run.opening.values[:, run.gap_joint.values == name].max(axis=1) for name in names]
-    return {
-        "widest_opening": xr.DataArray(
-            np.array(widest).T, {"time": run.time, "joint": names}, ("time", "joint")
-        ),
-        "peak_opening": run.peak_opening.drop_vars("joint_blocks", errors="ignore"),
-    }
+        names = run.joint.values
+        widest = [run.opening.values[:, run.gap_joint.values == name].max(axis=1) for name in names]
+        coords = {"time": run.time, "joint": names}
+        variables["widest_opening"] = xr.DataArray(np.array(widest).T, coords, ("time", "joint"))
+        variables["peak_opening"] = run.peak_opening.drop_vars("joint_blocks", errors="ignore")
+    histories = xr.Dataset(variables).drop_vars(("node_block", "node_position"), errors="ignore")
+    return histories.assign(_stress(run))
 
 
 def _stress(run: xr.Dataset) -> dict[str, xr.DataArray]:
