@@ -30,10 +30,9 @@ if TYPE_CHECKING:
     from romdam.pipelines.check import check
     from romdam.pipelines.error.certify import certify
     from romdam.pipelines.error.comparison import compare
-    from romdam.pipelines.error.mesh import verify_mesh
     from romdam.pipelines.error.study import study
     from romdam.pipelines.error.two_results import compare_results
-    from romdam.pipelines.error.verify import verify
+    from romdam.pipelines.error.verify import verify, verify_mesh
     from romdam.pipelines.input_motions import read_motions
     from romdam.pipelines.jobs import load_config
     from romdam.pipelines.modes import ModesOptions, modes
@@ -66,10 +65,9 @@ _LAZY = {
         "romdam.pipelines.check": ("check",),
         "romdam.pipelines.error.certify": ("certify",),
         "romdam.pipelines.error.comparison": ("compare",),
-        "romdam.pipelines.error.mesh": ("verify_mesh",),
         "romdam.pipelines.error.study": ("study",),
         "romdam.pipelines.error.two_results": ("compare_results",),
-        "romdam.pipelines.error.verify": ("verify",),
+        "romdam.pipelines.error.verify": ("verify", "verify_mesh"),
         "romdam.pipelines.input_motions": ("read_motions",),
         "romdam.pipelines.jobs": ("load_config",),
         "romdam.pipelines.modes": ("ModesOptions", "modes"),

@@ -49,7 +49,7 @@ from romdam.reduction.mode_choice import mode_choice
 from romdam.reduction.storage.model_file import BlockStore
 from romdam.reduction.synthesis import reduce_scene
 from romdam.results.case import Case
-from romdam.timestepping.prepared import Prepared, Progress
+from romdam.timestepping.prepared import Progress
 
 _NO_MESH = (ConfigError, ConvergenceError, MeshError, ReductionError)  # why a job does not go with a mesh
 _MOST_UNKNOWNS, _MOST_GAPS = 60_000, 800  # of a finer mesh that is run without being asked for
@@ -114,10 +114,8 @@ class Sibling:
             second = None if self.second is None else self.second.run(case, progress)
             points = None
             if self.points is not None:
-                points = (
-                    siblings[-1].run if self.points_of_sibling else run,
-                    self.points.run(case, progress),
-                )
+                fewer = siblings[-1].run if self.points_of_sibling else run
+                points = fewer, self.points.run(case, progress)
             about = {"record": case.motion.name, "seconds": float(case.history.time[-1])}
             return discretisation(run, siblings, finer=self.finer, about=about, second=second, points=points)
         except recoverable() as error:
@@ -185,22 +183,20 @@ def _sibling(job: Job, scene: Scene, store: BlockStore | None, *, finer: bool) -
 
 def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
     """A job's model; blocks with fewer modes than it asks for take all."""
-    scene, model = scene_of(job), job.config.model
+    scene, model, damping = scene_of(job), job.config.model, job.config.damping
     with placed(job.path):
+        reduced = None
         if model.order == "full":
-            system = observing_stress(scene, assemble_full(scene, job.config.damping))
-            return OtherModel(job, with_stress(RunModel(scene, _without_orders(prepare(job, system)), None)))
-        if model.modes == "all" and _unknowns(scene) > _DENSE:
-            model = with_vectors(with_modes(job, _MANY_MODES)).config.model
-        reduced = reduce_scene(scene, mode_choice(model), job.config.damping, store)
-        prepared = _without_orders(prepare(job, reduced.system))
+            system = observing_stress(scene, assemble_full(scene, damping))
+        else:
+            if model.modes == "all" and _unknowns(scene) > _DENSE:
+                model = with_vectors(with_modes(job, _MANY_MODES)).config.model
+            reduced = reduce_scene(scene, mode_choice(model), damping, store)
+            system = reduced.system
+        # of another mesh nobody reads how far its state at rest depends on the order of the loads
+        prepared = replace(prepare(job, system), compares_orders=False)
         with_basis = with_stress(RunModel(scene, prepared, reduced))
         return OtherModel(job, replace(with_basis, reduced=None))  # several are held beside each other
-
-
-def _without_orders(prepared: Prepared) -> Prepared:
-    """Of another mesh nobody reads how far its state at rest depends on the order of the loads."""
-    return replace(prepared, compares_orders=False)
 
 
 def _unknowns(scene: Scene) -> int:

@@ -43,8 +43,8 @@ def verify(
 ) -> None:
     """Measure the error of the reduced model, or of the mesh, on the first record of CONFIG."""
     from romdam.config.quantities import to_si
-    from romdam.pipelines.error.mesh import verify_mesh
     from romdam.pipelines.error.verify import verify as verify_job
+    from romdam.pipelines.error.verify import verify_mesh
     from romdam.terminal import open_terminal
     from romdam.terminal.lines import mesh_lines, verification_lines
 

@@ -1,8 +1,8 @@
 """A statement of error, and the one place where it is written and read: result files, JSON, terminal.
 
 Three kinds state how far a reduced run is from the mesh it was reduced from, the fourth how far that mesh is
-from finer ones. They share their words and their measures (`romdam.error.metrics`) and differ in what they
-compare with:
+from finer ones. They share their words and their measures, and differ in what they compare with
+(`romdam.error.comparison`):
 
     estimate      a slightly finer reduced model, in the seconds in which joints move; made with every run
     certificate   the run corrected by the full order's own answer to its joint forces; `romdam certify`

@@ -30,7 +30,7 @@ import romdam
 from romdam.core.threads import one_thread
 from romdam.error.comparison import OVER_FINER
 from romdam.error.discretisation import MeshRun, discretisation
-from romdam.pipelines.error.mesh import run_on_mesh
+from romdam.pipelines.error.verify import run_on_mesh
 from romdam.pipelines.run import Clock, silent
 from romdam.records.record_set import load_motions
 

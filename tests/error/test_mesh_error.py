@@ -25,7 +25,7 @@ from romdam.error.discretisation import (
     SiblingRun,
     discretisation,
 )
-from romdam.pipelines.error.mesh import run_on_mesh
+from romdam.pipelines.error.verify import run_on_mesh
 from romdam.pipelines.run import Clock, silent
 from romdam.records.record_set import load_motions
 from romdam.timestepping import load_order
@@ -557,7 +557,7 @@ def test_what_is_stated_is_within_a_factor_of_two_of_the_truth():
     from mesh_truth import RECORDS, limit_of, make_job
 
     from romdam.config.other_mesh import on_finer_mesh
-    from romdam.pipelines.error.mesh import run_on_mesh
+    from romdam.pipelines.error.verify import run_on_mesh
     from romdam.pipelines.run import Clock, silent
     from romdam.records.record_set import load_motions
 

@@ -35,7 +35,7 @@ from romdam.core.threads import one_thread
 from romdam.error.comparison import OVER_FINER
 from romdam.error.discretisation import MeshRun, discretisation
 from romdam.error.statement import opening_errors
-from romdam.pipelines.error.mesh import run_on_mesh
+from romdam.pipelines.error.verify import run_on_mesh
 from romdam.pipelines.run import Clock, choose_mesh_and_modes, run, silent
 from romdam.records.record_set import load_motions
 
