@@ -87,28 +87,20 @@ def comparable_variants(job: Job) -> tuple[ComparisonConfig, dict[str, Job]]:
     asked = comparison_of(job)
     jobs = {name: looked_up(variant) for name, variant in variant_jobs(job).items()}
     for name, variant in jobs.items():
-        _refuse(name, variant, asked)
+        where, outputs = f"{variant.path}: comparison.variants.{name}", variant.config.outputs
+        if (count := len(records_of(variant))) > 1:
+            raise ConfigError(f"{where}: a comparison is of one record, records are {count}; keep one")
+        if not outputs.nodes and not variant.config.every_joint:
+            raise ConfigError(
+                f"{where}: neither joints nor outputs.nodes, so nothing is compared; name nodes"
+            )
+        missing = {node for pair in asked.relative.values() for node in pair} - set(outputs.nodes)
+        if missing:
+            raise ConfigError(
+                f"{where}: outputs.nodes lacks {listed(sorted(missing))} of comparison.relative; "
+                "name it there"
+            )
     return asked, jobs
-
-
-def _refuse(name: str, job: Job, asked: ComparisonConfig) -> None:
-    """Refuse a variant that cannot be compared."""
-    if (count := len(records_of(job))) > 1:
-        raise ConfigError(
-            f"{job.path}: comparison.variants.{name}: a comparison is of one record, records are "
-            f"{count}; keep one"
-        )
-    if not job.config.outputs.nodes and not job.config.every_joint:
-        raise ConfigError(
-            f"{job.path}: comparison.variants.{name}: neither joints nor outputs.nodes, so nothing is "
-            "compared; name nodes"
-        )
-    missing = {node for pair in asked.relative.values() for node in pair} - set(job.config.outputs.nodes)
-    if missing:
-        raise ConfigError(
-            f"{job.path}: comparison.variants.{name}: outputs.nodes lacks {listed(sorted(missing))} of "
-            "comparison.relative; name it there"
-        )
 
 
 def _write(folder: Path, dataset: xr.Dataset, runs: dict[str, Result], clock: Clock) -> tuple[Path, ...]:

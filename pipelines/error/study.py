@@ -31,7 +31,6 @@ from romdam.effects.full_order import assemble_full
 from romdam.error.comparison import ComparedRun, compare, compared_openings
 from romdam.error.histories import read_reference
 from romdam.error.study import CaseResult, Setting, case_result, failed_case, study_dataset, study_table
-from romdam.pipelines.automatic_mesh import with_accuracy
 from romdam.pipelines.job_warnings import log_scene_warnings, log_warnings
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.moving_supports import refuse_drifting, scene_of
@@ -222,11 +221,9 @@ def _finer_reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str
         with clock.stage("reference", text) as progress:
             prepared = prepare(job, system, None)
             if wanted.reference_step is None:
-                accurate = with_accuracy(job, LIMIT_ACCURACY)
-                transient = accurate.config.transient.model_copy(update={"finest_step": None})
-                accurate = replace(
-                    accurate, config=accurate.config.model_copy(update={"transient": transient})
-                )
+                steps = {"accuracy": LIMIT_ACCURACY, "finest_step": None}
+                transient = job.config.transient.model_copy(update=steps)
+                accurate = replace(job, config=job.config.model_copy(update={"transient": transient}))
                 history = simulate_motion(accurate, prepared, setup.motion, setup.compared, progress)
             else:
                 settings = _settings(setup, prepared, wanted.reference_step)

@@ -192,7 +192,7 @@ def discretisation(
         for found, times in pairs
     ]
     of_elements = {
-        name: combined([part[name] for part in parts if name in part], _root_of_squares)
+        name: combined([part[name] for part in parts if name in part], lambda e: float(np.linalg.norm(e)))
         for name in dict.fromkeys(name for part in parts for name in part)
     }
     of_nodes = [name for name, each in QUANTITIES.items() if each.at == "nodes" and name in of_elements]
@@ -201,7 +201,11 @@ def discretisation(
     errors, of_points = of_elements, dict[str, RelativeError]()
     if points is not None:
         of_points = _of_no_nodes(_differences(*points, kind="contact points")[0].errors)
-        errors = {name: _added(error, of_points.get(name)) for name, error in of_elements.items()}
+        errors = dict(of_elements)
+        for name, more in of_points.items():
+            if name in errors:  # joint by joint where both have the joints
+                joints = {each: error for each, error in more.joints.items() if each in errors[name].joints}
+                errors[name] = combined([errors[name], replace(more, joints=joints)], sum)
     lost = [name for name, error in errors.items() if error.l2 >= _LOST]
     if "acceleration" in lost and "response_spectrum" not in lost:
         lost.append("response_spectrum")
@@ -305,21 +309,9 @@ def _of_no_nodes(errors: Mapping[str, RelativeError]) -> dict[str, RelativeError
     return {name: replace(error, joints={}) if name in whole else error for name, error in errors.items()}
 
 
-def _root_of_squares(errors: list[float]) -> float:
-    return float(np.linalg.norm(errors))
-
-
 def _times_to_halve(count: int, coarser: int) -> float:
     """How many times a count is multiplied by half the size in a direction; it is linear in the divisions."""
     return 3.0 - 2.0 * coarser / count
-
-
-def _added(error: RelativeError, more: RelativeError | None) -> RelativeError:
-    """The sum of two errors, joint by joint where both have the joints."""
-    if more is None:
-        return error
-    joints = {name: each for name, each in more.joints.items() if name in error.joints}
-    return combined([error, replace(more, joints=joints)], sum)
 
 
 def _sentence(

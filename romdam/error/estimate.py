@@ -136,10 +136,9 @@ def estimate_time_error(prepared: Prepared, history: History, ground: Floats, ot
     longer, interval = other.steps.finest > history.stats["finest_step"], other.steps.interval
     rows = slice(0, len(history.time))
     if longer:
-        rows, other = _rocking_rows(history, interval), _with_loose_contact(other)
-    elif not law.laws:
-        rows = moving_rows(history, law.joints, interval)
-    rows = _rows_to_run(prepared, rows, len(history.time))
+        other = _with_loose_contact(other)
+    if longer or not law.laws:
+        rows = _rows_to_run(prepared, history, interval, law.joints, rocks=longer)
     jump = run_window(itself, history, ground, other, rows).jump
     jump = continued(history.jump, jump, rows, max(1, round(_REST / interval)))
     coarse, fine = (jump, history.jump) if longer else (history.jump, jump)
@@ -151,12 +150,8 @@ def _both_runs(
 ) -> tuple[ComparedRun, ComparedRun, slice]:
     """A run and a better one as their openings are compared, and the rows in which that was integrated."""
     law, interval, opening = finer.prepared.system.law, settings.steps.interval, history.jump[..., :1]
-    slides = law.directions > 1
-    if slides and rocks_on_joints(finer.prepared.system):
-        rows = _rocking_rows(history, interval)
-    else:
-        rows = moving_rows(history, law.joints if slides else {}, interval)
-    rows = _rows_to_run(finer.prepared, rows, len(opening))
+    slides, rocks = law.directions > 1, rocks_on_joints(finer.prepared.system)
+    rows = _rows_to_run(finer.prepared, history, interval, law.joints if slides else {}, rocks=rocks)
     if slides and law.laws:  # what they remember, such as lost bonds, no row tells: both begin at rest
         rows = slice(0, rows.stop)
     better = run_window(finer, history, ground, settings, rows).jump[..., :1]
@@ -168,18 +163,23 @@ def _both_runs(
     return judged, replace(judged, jump=better), rows
 
 
-def _rocking_rows(history: History, interval: float) -> slice:
-    """The rows to run where blocks rock: all joints count as one."""
-    return moving_rows(history, {"all": slice(None)}, interval, LATE)
+def _rows_to_run(
+    prepared: Prepared, history: History, interval: float, joints: Mapping[str, slice], *, rocks: bool
+) -> slice:
+    """The rows in which joints move; those before too where the integrator does not resume.
 
+    Where blocks rock all joints count as one. All rows are run where a part of the record does not tell what
+    drives the system in it.
 
-def _rows_to_run(prepared: Prepared, rows: slice, count: int) -> slice:
-    """The rows, of `count`, to run for some of them: those before too where the integrator does not resume.
-
-    All where a part of the record does not tell what drives the system in it.
+    Parameters
+    ----------
+    interval, joints : see `moving_rows`
     """
     if prepared.system.needs_whole_record:
-        return slice(0, count)
+        return slice(0, len(history.time))
+    rows = moving_rows(history, joints, interval)
+    if rocks:
+        rows = moving_rows(history, {"all": slice(None)}, interval, LATE)
     return rows if prepared.integrator.resumes else slice(0, rows.stop)
 
 

@@ -15,7 +15,7 @@ import logging
 import re
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -168,34 +168,27 @@ def _checked(dataset: xr.Dataset, path: Path) -> xr.Dataset:
 
 
 def _histories(dataset: xr.Dataset) -> ComparedHistories:
+    def of_places(name: str) -> list[Any]:
+        """Values of each place of a variable, over time if it has one; none without the variable."""
+        if name not in dataset.variables:
+            return []
+        places = (dim for dim in _VARIABLES[name][0] if dim != "time")
+        return list(dataset[name].transpose(*places, ...).values)
+
     gaps: list[HistoryKey] = [("gap", str(k)) for k in range(dataset.sizes.get("gap", 0))]
-    joint = {gap: str(name) for gap, name in zip(gaps, _of_gaps(dataset, "gap_joint"), strict=False)}
-    series = dict(_series(dataset, gaps))
+    position = dict(zip(gaps, of_places("gap_position"), strict=False))
+    joint = {gap: str(name) for gap, name in zip(gaps, of_places("gap_joint"), strict=False)}
+    series = dict(zip(gaps, of_places("opening"), strict=False))
+    for k, widest in enumerate(of_places("widest_opening")):
+        series["joint", str(dataset.joint.values[k])] = widest
+    for k, vectors in enumerate(of_places("displacement")):
+        node = str(dataset.node.values[k])
+        series |= {("node", node, axis): values for axis, values in zip("xyz", vectors, strict=True)}
     for name in dict.fromkeys(joint[gap] for gap in gaps if gap in joint and gap in series):
         widest = np.max([series[gap] for gap in gaps if joint[gap] == name], axis=0)
         series.setdefault(("joint", name), widest)
-    position = dict(zip(gaps, _of_gaps(dataset, "gap_position"), strict=False))
-    return ComparedHistories(np.asarray(dataset.time, dtype=float), series, position, joint)
-
-
-def _of_gaps(dataset: xr.Dataset, name: str) -> Sequence[Any]:
-    return list(dataset[name].values) if name in dataset.variables else ()
-
-
-def _series(dataset: xr.Dataset, gaps: Sequence[HistoryKey]) -> Iterator[tuple[HistoryKey, Floats]]:
-    def rows(name: str) -> Floats:
-        dims = _VARIABLES[name][0]
-        return np.asarray(dataset[name].transpose(*dims[1:], "time"), dtype=float)
-
-    if "opening" in dataset:
-        yield from zip(gaps, rows("opening"), strict=True)
-    if "widest_opening" in dataset:
-        yield from zip(
-            (("joint", str(name)) for name in dataset.joint.values), rows("widest_opening"), strict=True
-        )
-    if "displacement" in dataset:
-        for name, vector in zip(dataset.node.values, rows("displacement"), strict=True):
-            yield from zip((("node", str(name), axis) for axis in "xyz"), vector, strict=True)
+    floats = {key: np.asarray(values, dtype=float) for key, values in series.items()}
+    return ComparedHistories(np.asarray(dataset.time, dtype=float), floats, position, joint)
 
 
 def _table(path: Path) -> ComparedHistories:

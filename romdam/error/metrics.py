@@ -102,9 +102,10 @@ def opening_peaks(opening: Floats, better: Floats, least: float = 0.0) -> float:
     return max(opening_peak(opening, better, least), of_places)
 
 
-def largest_difference(values: Floats, better: Floats) -> float:
-    """max |x - y| / max |y|, wherever each is found."""
-    return _over(float(np.abs(values - better).max(initial=0.0)), float(np.abs(better).max(initial=0.0)))
+def largest_difference(values: Floats, better: Floats, *, opens: bool = False) -> float:
+    """max |x - y| / max |y|, wherever each is found; over max y where that `opens`."""
+    size = _largest(better) if opens and better.size else float(np.abs(better).max(initial=0.0))
+    return _over(float(np.abs(values - better).max(initial=0.0)), size)
 
 
 def opening_error(

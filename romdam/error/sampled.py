@@ -24,7 +24,7 @@ from romdam.core.system import History
 from romdam.error.certificate import compared_correction, compared_whole
 from romdam.error.comparison import ComparedRun, compare
 from romdam.error.estimate import WINDOW, jump_of_forces, start_at
-from romdam.error.metrics import relative_l2
+from romdam.error.metrics import largest_difference, relative_l2
 from romdam.error.replay import Forces, Replayed, corrected_run, measure_defect
 from romdam.error.statement import ErrorStatement
 from romdam.postprocess.stated_errors import percent
@@ -112,9 +112,11 @@ def sampled_certificate(
     progress : called with (rows done, rows in all) of the windows
     """
     windows = sample_windows(sampling.history)
-    pairs = [
-        sampling.corrected(rows, joints, _after(progress, n, len(windows))) for n, rows in enumerate(windows)
-    ]
+
+    def after(windows_done: int) -> Progress:
+        return lambda done, total: progress(windows_done * total + done, len(windows) * total)
+
+    pairs = [sampling.corrected(rows, joints, after(n)) for n, rows in enumerate(windows)]
     judged = compared_whole(run.time, run.jump[..., 0], run.disp, run.strain, joints)
     errors = compare("certificate", judged, sampling.compared(slice(None), joints)).errors
     within = {}
@@ -123,10 +125,13 @@ def sampled_certificate(
             np.concatenate([each.opening if name == "opening" else each.histories[name] for each in runs])
             for runs in zip(*pairs, strict=True)
         )
-        within[name] = {
-            "l2": _interval(error.l2, relative_l2(coarse, better)),
-            "peak": _interval(error.peak, _largest(coarse, better)),
-        }
+        # a peak's share is relative to the largest value, as its error is
+        rests = {"l2": relative_l2(coarse, better), "peak": largest_difference(coarse, better, opens=True)}
+        within[name] = dict[str, list[float]]()
+        for norm, rest in rests.items():
+            value = float(getattr(error, norm))
+            doubt = _DOUBT * rest + _OWN * value
+            within[name][norm] = [max(0.0, value - doubt), value + doubt]
     times = [[float(run.time[rows.start]), float(run.time[rows.stop - 1])] for rows in windows]
     share = sum(end - start for start, end in times) / float(run.time[-1])
     details = {
@@ -139,22 +144,6 @@ def sampled_certificate(
         "configuration_sha256": run.attributes["configuration_sha256"],
     }
     return ErrorStatement("certificate", _sentence(run, within, share), errors, details)
-
-
-def _after(progress: Progress, before: int, windows: int) -> Progress:
-    """Progress of one of several windows of one length."""
-    return lambda done, total: progress(before * total + done, windows * total)
-
-
-def _largest(coarse: Floats, better: Floats) -> float:
-    """Largest difference over the largest value, as a peak's error is relative to it."""
-    size = float(better.max(initial=0.0)) or float(np.abs(better).max(initial=0.0))
-    return float(np.abs(coarse - better).max(initial=0.0)) / size if size > 0.0 else 0.0
-
-
-def _interval(error: float, rest: float) -> list[float]:
-    doubt = _DOUBT * rest + _OWN * error
-    return [max(0.0, error - doubt), error + doubt]
 
 
 def _sentence(run: StoredRun, within: dict[str, dict[str, list[float]]], share: float) -> str:

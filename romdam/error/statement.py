@@ -222,10 +222,14 @@ def write_verification(folder: Path, statement: ErrorStatement) -> Path:
     path, document = folder / FILES[statement.kind], statement.document
     _write_json(path, document | {_SELF: fingerprint(json.dumps(document))})
     for result in sorted(folder.glob("*.nc")):
-        labels = _labels(result)
-        if labels["configuration_sha256"] == document["configuration_sha256"] and not _other(
-            document, labels
-        ):
+        try:
+            with reading(result) as file:
+                labels = {name: text_of(file, name) for name in _OF_WHAT}
+        except ResultError as error:  # a file that is damaged is left as it is
+            log.warning("%s; it gets no statement of its error", error)
+            continue
+        same = labels["configuration_sha256"] == document["configuration_sha256"]
+        if same and not _other(document, labels):
             _attach(result, statement.attributes)
     return path
 
@@ -241,33 +245,28 @@ def read_verification(folder: Path, labels: Mapping[str, object]) -> dict[str, o
     """
     attributes: dict[str, object] = {}
     for kind, name in FILES.items():
-        attributes |= _read_statement(kind, folder / name, labels)
+        path = folder / name
+        if not path.exists():
+            continue
+        try:
+            check_file(path, _MOST, ResultError)
+            document = json.loads(path.read_text(encoding="utf-8"))
+            digest = document.pop(_SELF, None)
+        except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
+            log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
+            continue
+        if digest != fingerprint(json.dumps(document)):
+            log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
+        elif document.get("configuration_sha256") != labels["configuration_sha256"]:
+            continue
+        elif other := _other(document, labels):
+            log.warning(
+                "%s: is not stated in the result of %s: %s; `romdam verify` states what is true of it",
+                path, labels["record"], other,
+            )  # fmt: skip
+        else:
+            attributes |= _attributes(kind, document)
     return attributes
-
-
-def _read_statement(kind: Kind, path: Path, labels: Mapping[str, object]) -> dict[str, object]:
-    """Attributes of one kind of statement, see `read_verification`."""
-    if not path.exists():
-        return {}
-    try:
-        check_file(path, _MOST, ResultError)
-        document = json.loads(path.read_text(encoding="utf-8"))
-        digest = document.pop(_SELF, None)
-    except (OSError, ValueError, RecursionError, AttributeError, TypeError, ResultError) as error:
-        log.warning("%s: cannot be read (%s); `romdam verify` writes it again", path, error)
-        return {}
-    if digest != fingerprint(json.dumps(document)):
-        log.warning("%s: is not as it was written; `romdam verify` writes it again", path)
-        return {}
-    if document.get("configuration_sha256") != labels["configuration_sha256"]:
-        return {}
-    if other := _other(document, labels):
-        log.warning(
-            "%s: is not stated in the result of %s: %s; `romdam verify` states what is true of it",
-            path, labels["record"], other,
-        )  # fmt: skip
-        return {}
-    return _attributes(kind, document)
 
 
 def _other(document: Mapping[str, object], labels: Mapping[str, object]) -> str:
@@ -297,16 +296,6 @@ def _attributes(kind: Kind, document: dict[str, object]) -> dict[str, object]:
 def _write_json(path: Path, document: Mapping[str, object]) -> None:
     with replacing(path) as unfinished:
         unfinished.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-
-
-def _labels(path: Path) -> dict[str, str]:
-    """Digests by which a result says what it is of; a file that is damaged is left as it is."""
-    try:
-        with reading(path) as file:
-            return {name: text_of(file, name) for name in _OF_WHAT}
-    except ResultError as error:
-        log.warning("%s; it gets no statement of its error", error)
-        return dict.fromkeys(_OF_WHAT, "")
 
 
 def _attach(path: Path, attributes: dict[str, object]) -> None:

@@ -62,7 +62,7 @@ def side_by_side(first: ComparedHistories, second: ComparedHistories, names: tup
         )
     time = common_clock(first.time, second.time, names)
     quantities = _quantities(common, {**second.joint, **first.joint})
-    rows = [_row(first, second, places, time) for places in quantities.values()]
+    rows = [_measures(first, second, places, time) for places in quantities.values()]
     tables = {
         name: (_OVER[:count], np.array(values), {"units": unit, "long_name": text})
         for (name, (count, unit, text)), values in zip(
@@ -72,7 +72,7 @@ def side_by_side(first: ComparedHistories, second: ComparedHistories, names: tup
     return xr.Dataset(tables, {"time": time, "variant": list(names), "quantity": list(quantities)})
 
 
-def _row(
+def _measures(
     first: ComparedHistories, second: ComparedHistories, places: list[HistoryKey], time: Floats
 ) -> tuple[object, ...]:
     """Values that are stated of one quantity, in the order of `_VARIABLES`."""

@@ -89,8 +89,17 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
     ResultError
         where two variants share fewer than two written times.
     """
-    runs = _at_common_times(runs)
-    parts = [_one(run, asked) for run in runs.values()]
+    rows = common_rows(*(run.time.values for run in runs.values()))
+    if len(rows[0]) < 2:
+        raise ResultError(
+            f"the variants {', '.join(runs)} share {len(rows[0])} written times, at least 2 are compared; "
+            "set outputs.output_interval, to 0.01 s for example"
+        )
+    at_common_times = [
+        run.isel(time=of_run).assign_coords(time=np.round(run.time.values[of_run], 7))
+        for run, of_run in zip(runs.values(), rows, strict=True)
+    ]
+    parts = [_one(run, asked) for run in at_common_times]
     whole = xr.concat(parts, dim="variant", join="outer", data_vars="all").assign_coords(variant=list(runs))
     whole = whole.assign(_differences(whole, asked.component))
     for name, (unit, text) in _VARIABLES.items():
@@ -107,19 +116,6 @@ def comparison_dataset(runs: Mapping[str, xr.Dataset], job: Job, asked: Comparis
         "variants": json.dumps({name: asked.variants[name] for name in runs}),
     }
     return whole
-
-
-def _at_common_times(runs: Mapping[str, xr.Dataset]) -> dict[str, xr.Dataset]:
-    rows = common_rows(*(run.time.values for run in runs.values()))
-    if len(rows[0]) < 2:
-        raise ResultError(
-            f"the variants {', '.join(runs)} share {len(rows[0])} written times, at least 2 are compared; "
-            "set outputs.output_interval, to 0.01 s for example"
-        )
-    return {
-        name: run.isel(time=of_run).assign_coords(time=np.round(run.time.values[of_run], 7))
-        for (name, run), of_run in zip(runs.items(), rows, strict=True)
-    }
 
 
 def _one(run: xr.Dataset, asked: ComparisonConfig) -> xr.Dataset:
