@@ -15,14 +15,23 @@ from romdam.config.other_mesh import (
     on_coarser_mesh,
     on_finer_mesh,
     on_quadratic_elements,
+    with_automatic_spacing,
     with_contact_points,
     with_gaps_at_every_node,
     with_mesh_of,
+    with_spacing,
 )
 from romdam.config.sections.transient import MESH_SHARE
 from romdam.core.errors import ConfigError, MeshError, ReductionError
 from romdam.error.discretisation import OVER_COARSER_QUADRATIC, MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement
+from romdam.pipelines.automatic_spacing import (
+    CORNERS,
+    Lengths,
+    PointsChoice,
+    fewest_points,
+    nodes_of_run,
+)
 from romdam.pipelines.error.sibling import MANY_MORE
 from romdam.pipelines.simulation import RunModel
 from romdam.postprocess.stated_errors import percent
@@ -32,6 +41,8 @@ from romdam.timestepping.prepared import Progress
 MOST_UNKNOWNS = 3e6  # of a mesh that is tried: a reduction of about an hour, and of 50 GB
 AnyMesh = TypeVar("AnyMesh")
 _OF_TWICE = 1.0 + 1.0 / OVER_COARSER_QUADRATIC  # times the error, on quadratic elements of twice the size
+_COARSEST = 4.0  # times the distance of the nodes: the farthest that gaps are apart
+_LEAST_LEFT = 0.05  # of the mesh's share: with less of it left, contact points are not made fewer
 _TRUSTED = 0.03  # stated from a coarser mesh: beyond it that is too coarse to tell, and a finer one is asked
 _ORDER = (
     2.0  # of the error in the size of the elements, to tell which mesh would keep an error: linear elements
@@ -165,6 +176,31 @@ class _Tried:
                 break
         return self.statement(name, pair)
 
+    def fewer_points(self, name: str) -> PointsChoice | None:
+        """Contact points of a mesh, fewer than its nodes, that leave no more than it leaves of the share."""
+        left, run = self.share - self.error(name), self.trials[name].run
+        nodes = nodes_of_run(run)
+        if (
+            left < _LEAST_LEFT * self.share
+            or all(of.count <= CORNERS for of in nodes.values())
+            or any(joint.spacing is not None for joint in self.jobs[name].config.every_joint.values())
+        ):
+            return None
+
+        def run_points(lengths: Lengths) -> MeshRun:
+            each = ", ".join(f"{joint} {h:.3g} m" for joint, h in lengths.items() if h)
+            return self.run_mesh(self.with_lengths(name, lengths), f"{name}, gaps apart: {each}").run
+
+        try:
+            points = fewest_points(run_points, nodes, _COARSEST, left, every_node=run)
+        except (ConfigError, MeshError, ReductionError):  # faces that such gaps do not go with
+            return None
+        return points if points.run is not None else None
+
+    def with_lengths(self, name: str, lengths: Lengths) -> Job:
+        """The job of a mesh with gaps so far apart."""
+        return with_spacing(with_automatic_spacing(self.jobs[name]), lengths)
+
     @property
     def share(self) -> float:
         """What the mesh may leave of it."""
@@ -223,17 +259,25 @@ class _Tried:
             for tried, trial in self.trials.items()
             if tried in self.statements
         ]
-        statement = self.with_contact_points(name)
-        spaced = "contact_points" in statement.details
+        statement, job, of_joints = self.with_contact_points(name), self.jobs[name], ""
+        more: dict[str, object] = {}
+        if (points := self.fewer_points(name)) is not None and points.run is not None:
+            with_points = self.statement(name, (points.run, self.trials[name].run))
+            if with_points.errors["opening"].l2 <= self.share:
+                statement, job = with_points, self.with_lengths(name, points.lengths)
+                of_joints = f" Gaps apart from the nodes: {points.sentence}."
+                more = {"gaps": len(points.run.position), "spacing": points.details}
+        spaced = "contact_points" in statement.details and not of_joints
         remedy = " If contact points leave too much, leave `spacing` out or make it auto." if spaced else ""
         sentence = (
             f"{statement.sentence} Of {len(table)} meshes tried this one, {name}, was chosen: the mesh may "
-            f"leave {percent(self.share)} of the total of {percent(self.total)} that was asked for.{remedy}"
+            f"leave {percent(self.share)} of the total of {percent(self.total)} that was asked for."
+            f"{of_joints}{remedy}"
         )
-        details = dict(statement.details) | {"asked": self.total, "meshes": table}
+        details = dict(statement.details) | more | {"asked": self.total, "meshes": table}
         return MeshChoice(
             name,
-            with_mesh_of(self.job, self.jobs[name]),
+            with_mesh_of(self.job, job),
             self.total,
             replace(statement, sentence=sentence, details=details),
         )
@@ -260,7 +304,8 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
     be made, of which there are a third. Then each mesh is refined until one does, in the direction that pays
     where a generated dam states its error by direction. The error of a mesh is stated as by `romdam verify
     --mesh`, from siblings of the same kind; what a coarser one in every direction states beyond 3 % is asked
-    of a finer one.
+    of a finer one. What the mesh that is chosen leaves of its share may go to contact points: those of each
+    joint are as far apart as that allows (`automatic_spacing`).
 
     Parameters
     ----------

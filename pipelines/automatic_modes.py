@@ -48,13 +48,23 @@ def refuse_unjudged(job: Job) -> None:
         )
 
 
-def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: BlockStore | None = None) -> Job:
-    """The job with the fewest modes of those tried that leave, together with the steps, `accuracy`.
+def choose_modes(
+    job: Job,
+    scene: Scene,
+    motions: list[GroundMotion],
+    store: BlockStore | None = None,
+    share: float | None = None,
+) -> Job:
+    """The job with the fewest modes of those tried that leave, together with the steps, a share.
 
     Every count is run on the record of the largest acceleration and judged by the estimate that every run
     makes of itself. Modes may leave what the steps, which follow from `accuracy` in the same run, do not, and
-    half of it at least. A job that names no residual vectors takes `VECTORS` of them. Where half of a block's
-    modes do not do, all are taken.
+    half of the accuracy at least. A job that names no residual vectors takes `VECTORS` of them. Where half of
+    a block's modes do not do, all are taken.
+
+    Parameters
+    ----------
+    share : relative error that modes and steps may leave together; the accuracy of the steps if not given
 
     Raises
     ------
@@ -77,7 +87,7 @@ def choose_modes(job: Job, scene: Scene, motions: list[GroundMotion], store: Blo
         prepared = prepare(trial, reduced.system)
         history = simulate_motion(trial, prepared, motion, trial.config.transient.duration)
         errors = estimate_run(trial, finer, motion, history).errors  # none where it is unknown
-        left = max(accuracy - history.stats["estimated_time_error"], _LEAST * accuracy)
+        left = max((share or accuracy) - history.stats["estimated_time_error"], _LEAST * accuracy)
         if errors and _MARGIN * errors["opening"].l2 <= left:
             return trial
         count = math.ceil(GROWTH * count)

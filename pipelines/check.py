@@ -175,7 +175,7 @@ def _check(job: Job, clock: Clock, store: BlockStore | None, *, quick: bool) -> 
     if job.config.model.modes == "auto":
         refuse_unjudged(job)
         job = with_modes(with_vectors(job), FIRST)
-    job = with_spacing(job, None)
+    job = with_spacing(job)
     if job.config.pipeline == "suite":
         refuse_summary(job, None)
         plan = make_plan(job, clock, most=1 if quick else _SAMPLES)

@@ -130,7 +130,7 @@ def linear(job: Source, out: str | Path, show: Stage = silent, cache: Path | Non
         read = records_of(job, folder)
     motions = usable_motions(job, read, summarised=False)
     log_warnings(job, motions)
-    job = with_spacing(job, None)
+    job = with_spacing(job)
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
     model = build_linear_model(job, scene, clock, store)

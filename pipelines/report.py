@@ -244,10 +244,14 @@ def _same(job: Job, summary: xr.Dataset, folder: Path) -> None:
     """Refuse a configuration with another scene, model or records than the suite's."""
     stated = json.loads(str(summary.attrs["configuration"]))
     its = parse_config(stated, f"{folder / SUMMARY}: configuration", si=True)
-    for name in automatic_joints(job):  # the summary states the distance that they came to
-        joint = its.every_joint.get(name)
-        if joint is not None and joint.spacing != "auto":
-            job = with_spacing(job, joint.spacing)
+    stated_spacing = {  # the distance that those of `spacing: auto` came to
+        name: length
+        for name in automatic_joints(job)
+        if (joint := its.every_joint.get(name)) is not None
+        and ((length := joint.spacing_of(name)) is None or isinstance(length, float))
+    }
+    if stated_spacing:
+        job = with_spacing(job, stated_spacing)
     created, now = (config.model_dump(mode="json", exclude=_BESIDE) for config in (its, job.config))
     if now["model"]["modes"] == "auto":  # the summary states the number that it came to
         now["model"]["modes"] = created["model"]["modes"]

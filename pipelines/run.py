@@ -433,7 +433,7 @@ def choose_mesh_and_modes(
     ConfigError
         where no mesh that can be run keeps the accuracy.
     """
-    total, choice = job.config.transient.total_accuracy, None
+    total, choice, share = job.config.transient.total_accuracy, None, None
     if total is not None:
         job = with_accuracy(job, job.config.transient.step_accuracy)
         motion = max(motions, key=lambda m: m.peak)
@@ -459,10 +459,10 @@ def choose_mesh_and_modes(
         clock.wall["mesh_choice"] = time.perf_counter() - wall
         clock.cpu["mesh_choice"] = cpu_time() - cpu
         log.info("%s", choice.statement.sentence)
-        left = max(total - choice.statement.errors["opening"].l2, (1.0 - MESH_SHARE) * total)
-        job = with_accuracy(with_mesh_of(job, choice.job), min(left / 2.0, MOST_ACCURACY))
+        share = max(total - choice.statement.errors["opening"].l2, (1.0 - MESH_SHARE) * total)
+        job = with_accuracy(with_mesh_of(job, choice.job), min(share / 2.0, MOST_ACCURACY))
     job = with_spacing_chosen(job, motions, clock, store)
-    return with_modes_chosen(job, motions, clock, store), choice
+    return with_modes_chosen(job, motions, clock, store, share), choice
 
 
 def with_spacing_chosen(
@@ -476,13 +476,22 @@ def with_spacing_chosen(
 
 
 def with_modes_chosen(
-    job: Job, motions: list[GroundMotion], clock: Clock, store: BlockStore | None = None
+    job: Job,
+    motions: list[GroundMotion],
+    clock: Clock,
+    store: BlockStore | None = None,
+    share: float | None = None,
 ) -> Job:
-    """The job with the number of modes that `model.modes: auto` comes to on these motions."""
+    """The job with the number of modes that `model.modes: auto` comes to on these motions.
+
+    Parameters
+    ----------
+    share : see `choose_modes`
+    """
     if job.config.model.modes != "auto":
         return job
     with clock.stage("modes", "choosing the number of modes"):
-        return choose_modes(job, scene_of(job), motions, store)
+        return choose_modes(job, scene_of(job), motions, store, share)
 
 
 def build_model(

@@ -78,6 +78,9 @@ class Config(Sections):
         for key, between in (*named, *((f"ties.{name}", tie.between) for name, tie in self.ties.items())):
             for block_name in between:
                 self._known(f"{key}.between", block_name, blocks)
+        for key, (properties, joints) in self.joint_sections.items():
+            for joint_name in properties.spacing if isinstance(properties.spacing, dict) and joints else ():
+                self._known(f"{key}.spacing", joint_name, joints)
         for i, pressure in enumerate(self.loads.pressure):
             self._known(f"loads.pressure[{i}].block", pressure.block, blocks)
         for section in ("hydrostatic", "ice", "silt"):

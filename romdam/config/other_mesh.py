@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -213,16 +213,38 @@ def on_limit_mesh(job: Job) -> Job:
     return on_finer_mesh(job)
 
 
-def with_spacing(job: Job, spacing: float | None) -> Job:
-    """The job with a distance of the gaps [m] in every joint that has `spacing: auto`; None for all nodes."""
-    return _with_joint_keys(job, lambda joint: {"spacing": spacing} if joint.spacing == "auto" else {})
+def with_spacing(job: Job, lengths: Mapping[str, float | None] | None = None) -> Job:
+    """The job with a distance of the gaps [m] in every joint that has `spacing: auto`.
+
+    Parameters
+    ----------
+    lengths : joint -> distance [m]; joints without one have a gap at every node
+    """
+
+    def keys_of(properties: JointProperties, names: tuple[str, ...]) -> dict[str, object]:
+        each = {name: properties.spacing_of(name) for name in names}
+        if "auto" not in each.values():
+            return {}
+        wanted = {
+            name: (lengths or {}).get(name) if value == "auto" else value for name, value in each.items()
+        }
+        if len(set(wanted.values())) == 1:
+            return {"spacing": next(iter(wanted.values()))}
+        return {"spacing": {name: value for name, value in wanted.items() if value is not None}}
+
+    return _with_joint_keys(job, keys_of)
+
+
+def with_automatic_spacing(job: Job) -> Job:
+    """The job with `spacing: auto` in every joint."""
+    return _with_joint_keys(job, lambda joint, names: {"spacing": "auto"})
 
 
 def with_gaps_at_every_node(job: Job) -> Job | None:
     """The job with a gap at every node of its joints; None where no joint has a `spacing`."""
     if not any(isinstance(joint.spacing, float) for joint in job.config.every_joint.values()):
         return None
-    return _with_joint_keys(job, lambda joint: {"spacing": None})
+    return _with_joint_keys(job, lambda joint, names: {"spacing": None})
 
 
 def with_steps_of(job: Job, finest: float) -> Job:
@@ -244,29 +266,43 @@ def with_contact_points(job: Job, points: ContactPoints) -> Job:
     if points == "as_given":
         return job
     _refuse_bound_to_mesh(job)
-    return _with_joint_keys(job, lambda joint: _POINTS[points])
+    return _with_joint_keys(job, lambda joint, names: _POINTS[points])
 
 
-def _with_joint_keys(job: Job, keys_of: Callable[[JointProperties], dict[str, object]]) -> Job:
-    """The job with other keys in all properties of joints, wherever they stand."""
+def _with_joint_keys(
+    job: Job, keys_of: Callable[[JointProperties, tuple[str, ...]], dict[str, object]]
+) -> Job:
+    """The job with other keys in all properties of joints, wherever they stand.
+
+    Parameters
+    ----------
+    keys_of : the new keys from the properties, and the names of the joints that have them
+    """
     config = job.config
-    changed: dict[str, object] = {
-        "joints": {name: joint.model_copy(update=keys_of(joint)) for name, joint in config.joints.items()},
-        "cut": {name: _with_joints(section, keys_of) for name, section in config.cut.items()},
+    changed = {
+        path: properties.model_copy(update=keys_of(properties, names))
+        for path, (properties, names) in config.joint_sections.items()
+    }
+    sections: dict[str, object] = {
+        "joints": {name: changed[f"joints.{name}"] for name in config.joints},
+        "cut": {
+            name: _with_joints(cut, changed.get(f"cut.{name}.joints")) for name, cut in config.cut.items()
+        },
     }
     if config.arch_dam is not None:
-        changed["arch_dam"] = _with_joints(config.arch_dam, keys_of)
-    if config.gravity_dam is not None:
-        joints = _with_joints(config.gravity_dam.joints, keys_of)
-        changed["gravity_dam"] = config.gravity_dam.model_copy(update={"joints": joints})
-    return replace(job, config=config.model_copy(update=changed))
+        sections["arch_dam"] = _with_joints(config.arch_dam, changed.get("arch_dam.joints"))
+    if (dam := config.gravity_dam) is not None:
+        kinds = {
+            key: changed[path] for key, _ in dam.joints if (path := f"gravity_dam.joints.{key}") in changed
+        }
+        joints = dam.joints.model_copy(update=kinds)
+        sections["gravity_dam"] = dam.model_copy(update={"joints": joints})
+    return replace(job, config=config.model_copy(update=sections))
 
 
-def _with_joints(section: ModelT, keys_of: Callable[[JointProperties], dict[str, object]]) -> ModelT:
-    """A section with other keys in all properties of joints that stand in it."""
-    joints = {name: value for name, value in section if isinstance(value, JointProperties)}
-    changed = {name: value.model_copy(update=keys_of(value)) for name, value in joints.items()}
-    return section.model_copy(update=changed)
+def _with_joints(section: ModelT, joints: JointProperties | None) -> ModelT:
+    """A section with other properties of its joints, if it has some."""
+    return section if joints is None else section.model_copy(update={"joints": joints})
 
 
 def has_linear_elements_only(job: Job) -> bool:

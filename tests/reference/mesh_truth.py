@@ -72,7 +72,14 @@ def row(element: str, size: float, heights: tuple[float, float, float], **joint:
     }
 
 
-def gravity_dam(along: int, through: int, up: int, element: str = "hex8", **joint: Any) -> dict[str, Any]:
+def gravity_dam(
+    along: int,
+    through: int,
+    up: int,
+    element: str = "hex8",
+    monoliths: tuple[float, float, float] = (16.0, 16.0, 16.0),
+    **joint: Any,
+) -> dict[str, Any]:
     """Three monoliths of Koyna's profile with weight and water, held at their bases."""
     faces = [{"block": "monolith_2", "face": face} for face in ("upstream", "downstream")]
     sections = {
@@ -84,7 +91,7 @@ def gravity_dam(along: int, through: int, up: int, element: str = "hex8", **join
         "gravity_dam": {
             "upstream": [[0, 0], [103, 0]],
             "downstream": [[0, 70], [66.5, 19.25], [103, 14.8]],
-            "monoliths": [16, 16, 16],
+            "monoliths": list(monoliths),
             "base": [20, 0, 10],
             "material": "concrete",
             "element": element,
@@ -97,14 +104,21 @@ def gravity_dam(along: int, through: int, up: int, element: str = "hex8", **join
             "hydrostatic": [{"level": 91.7, "faces": wet}],
         },
         "outputs": {
-            "nodes": {"crest": {"block": "monolith_2", "at": [16, 0, 103]}},
+            "nodes": {"crest": {"block": "monolith_2", "at": [monoliths[0], 0, 103]}},
             "stress": {"faces": faces, "sections": sections},
         },
     }
 
 
-def arch_dam(along: int, through: int, up: int, **keys: Any) -> dict[str, Any]:
-    """Four cantilevers without rock, water to 85 % of the height, 4 K cooler; further keys of the dam."""
+def arch_dam(
+    along: int, through: int, up: int, temperature: dict[str, float] | None = None, **keys: Any
+) -> dict[str, Any]:
+    """Cantilevers without rock, four unless `keys` of the dam say so, and water to 85 % of the height.
+
+    Parameters
+    ----------
+    temperature : change of every cantilever [K]; 4 K cooler if not given
+    """
     dam: dict[str, Any] = {
         "crest": 100,
         "crown": {"upstream": [[0, 0], [40, -9], [100, -2]], "thickness": [[0, 20], [50, 14], [100, 7]]},
@@ -120,22 +134,23 @@ def arch_dam(along: int, through: int, up: int, **keys: Any) -> dict[str, Any]:
         "joints": {"normal_stiffness": 24e9, "shear_stiffness": 12e9, "friction": 0.6, "gaps": "corners"},
     }
     dam |= keys
+    temperature = temperature or {f"C{k + 1}": -4.0 for k in range(dam["cantilevers"])}
     level = 0.85 * dam["crest"]
-    wet = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)]
+    wet = [{"block": name, "face": "upstream"} for name in temperature]
     return {
         "arch_dam": dam,
         "loads": {
             "gravity": [0, 0, -9.81],
             "weight": "staged",
             "hydrostatic": [{"level": level, "faces": wet}],
-            "temperature": [{"change": -4.0}],
+            "temperature": [{"blocks": [name], "change": change} for name, change in temperature.items()],
         },
         "water": {"level": level, "faces": wet, "model": "westergaard"},
         "outputs": {},
     }
 
 
-_THIN = {  # parabolic arcs
+_THIN: dict[str, Any] = {  # parabolic arcs
     "crest": 60,
     "crown": {"upstream": [[0, 0], [25, -4], [60, -1]], "thickness": [[0, 10], [30, 7], [60, 4]]},
     "arcs": {
@@ -146,12 +161,27 @@ _THIN = {  # parabolic arcs
     "valley": [[0, 10], [30, 22], [60, 38]],
     "abutment_height": 12,
 }
-_WIDE = {
+_WIDE: dict[str, Any] = {
     "crest": 45,
     "crown": {"upstream": [[0, 0], [20, -2], [45, 0]], "thickness": [[0, 14], [45, 6]]},
     "arcs": {"upstream_radius": [[0, 60], [45, 80]], "thickening": 0.2},
     "valley": [[0, 30], [45, 60]],
     "abutment_height": 10,
+}
+_SLENDER: dict[str, Any] = {
+    "crest": 80,
+    "crown": {"upstream": [[0, 0], [30, -6], [80, -1]], "thickness": [[0, 10], [80, 4]]},
+    "arcs": {"upstream_radius": [[0, 35], [80, 60]]},
+    "valley": [[0, 12], [80, 42]],
+    "abutment_height": 15,
+}
+_THICK: dict[str, Any] = {
+    "crest": 60,
+    "crown": {"thickness": [[0, 36], [60, 8]]},
+    "arcs": {"upstream_radius": 90},
+    "valley": [[0, 35], [60, 75]],
+    "abutment_height": 15,
+    "cantilevers": 3,
 }
 _FRICTION = {"shear_stiffness": 8e9, "friction": 0.6}
 CASES: dict[str, dict[str, Any]] = {
@@ -177,6 +207,9 @@ CASES: dict[str, dict[str, Any]] = {
     "arch dam, thin (3, 2, 8)": arch_dam(3, 2, 8, **_THIN),
     "arch dam, wide (4, 4, 8)": arch_dam(4, 4, 8, **_WIDE),
     "arch dam, wide (3, 2, 8)": arch_dam(3, 2, 8, **_WIDE),
+    "arch dam, slender (2, 2, 8)": arch_dam(2, 2, 8, **_SLENDER),
+    "arch dam, thick (4, 4, 6)": arch_dam(4, 4, 6, {"C1": -8.0, "C2": -4.0, "C3": -2.0}, **_THICK),
+    "gravity dam hex20, unequal (2, 4, 8)": gravity_dam(2, 4, 8, "hex20", (10.0, 16.0, 22.0), gaps="corners"),
 }
 
 

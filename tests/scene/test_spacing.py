@@ -4,25 +4,25 @@ import json
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from arch_dams import arch_dam
 from scene_builders import box, two_boxes
 from simulating import simulated
 
 import romdam
 from romdam.config import parse_config
 from romdam.config.load import Job
+from romdam.config.other_mesh import with_automatic_spacing, with_spacing
 from romdam.config.sections.job import DampingConfig
 from romdam.core.errors import ConfigError
+from romdam.error.discretisation import MeshRun
 from romdam.error.estimate import jump_of_forces
-from romdam.error.metrics import RelativeError, relative_l2
-from romdam.pipelines import automatic_spacing
-from romdam.pipelines.automatic_spacing import choose_spacing
+from romdam.error.metrics import relative_l2
+from romdam.pipelines.automatic_spacing import Nodes, fewest_points
 from romdam.pipelines.check import check
-from romdam.pipelines.input_motions import records_of, usable
 from romdam.reduction.mode_choice import ALL_MODES
 from romdam.reduction.synthesis import reduce_scene
 from romdam.scene import joints, patches
@@ -279,6 +279,7 @@ def test_nodes_that_are_farther_apart_keep_their_gaps(make):
         ({"spacing": 0.0}, r"joints\.c\.spacing"),
         ({"spacing": "automatic"}, "spacing"),
         ({"spacing": "auto"}, "spacing: auto of joint c needs transient.accuracy"),
+        ({"spacing": {"c": 3.0}}, "`spacing` names 1 joints, and this is one; give a length, or auto"),
     ],
 )
 def test_what_cannot_be_meant_is_refused(make, keys, message):
@@ -368,50 +369,83 @@ def test_a_joint_that_has_just_been_grouted_is_closed_wherever_it_is_looked_at(m
         np.testing.assert_allclose(jump[:, 0], -rest.traction[0, :, 0] / system.law.K_n, rtol=1e-6)
 
 
-class Runs:
-    """Runs of a joint with known numbers of gaps, and the error that each difference states."""
+def runs_of(strengths, order=1.6):
+    """Runs of joints of 10 x 40 m whose errors are c h^p of a common opening, each with a time of its own.
 
-    def __init__(self, monkeypatch, numbers, errors):
-        self.numbers, self.errors, self.made = iter(numbers), iter(errors), 0
-        monkeypatch.setattr(automatic_spacing, "_run", self.run)
-        monkeypatch.setattr(automatic_spacing, "discretisation", self.state)
+    A joint has 4 gaps at its corners, and further ones in 400 / h^2; nodes are 1 m apart.
+    """
+    time, ran = np.linspace(0.0, 9.0, 901), []
 
-    def run(self, job, motion, store):
-        self.made += 1
-        number = next(self.numbers)
-        return SimpleNamespace(
-            joints={"contraction": slice(0, number)},
-            time=np.array([0.0, 9.0]),
-            position=np.zeros((number, 3)),
-        )
+    def run(lengths):
+        ran.append(dict(lengths))
+        jumps, positions, joints, areas, first = [], [], {}, [], 0
+        for k, (name, c) in enumerate(strengths.items()):
+            h = lengths.get(name) or 0.0
+            count = 400 if not h else max(4, round(400 / h**2))
+            error = c * h**order * np.sin((5.0 + 2.0 * k) * time) / np.sqrt(2.0)
+            jumps.append(np.repeat((np.sin(3.0 * time) / np.sqrt(2.0) + error)[:, None], count, axis=1))
+            positions.append(np.stack([np.full(count, 50.0 * k), np.zeros(count), np.arange(count)], axis=1))
+            areas.append(np.full(count, 400.0 / count))
+            joints[name] = slice(first, first := first + count)
+        jump = np.concatenate(jumps, axis=1)[:, :, None]
+        return MeshRun(time, jump, np.concatenate(positions), joints, area=np.concatenate(areas))
 
-    def state(self, judged, better, *, finer, about):
-        assert finer and len(judged.position) < len(better.position)
-        return SimpleNamespace(errors={"opening": RelativeError(next(self.errors), 0.0)})
+    return run, ran
 
 
-@pytest.mark.parametrize(
-    ("numbers", "errors", "times", "made"),
-    [
-        ((6, 12), (0.009,), 8, 2),
-        ((6, 12), (0.029,), 4, 2),  # a third of it is stated of half the spacing
-        ((6, 12, 40), (0.2, 0.009), 4, 3),
-        ((6, 12, 40), (0.2, 0.029), 2, 3),
-        ((6, 12, 40), (0.2, 0.031), None, 3),
-        ((6, 6, 40), (0.009,), 4, 3),  # two runs that are the same say nothing
-        ((6, 6, 6), (), None, 3),
-    ],
-)
-def test_the_largest_spacing_is_taken_that_two_unlike_runs_allow(monkeypatch, numbers, errors, times, made):
-    raw = yaml.safe_load(EXAMPLE.read_text())
-    raw["joints"]["contraction"]["spacing"] = "auto"
-    raw["transient"] = {"accuracy": "1 %"}
-    job = Job(parse_config(raw, EXAMPLE.name), EXAMPLE)
-    runs = Runs(monkeypatch, numbers, errors)
-    chosen = choose_spacing(job, usable(records_of(job))).config.joints["contraction"].spacing
-    distance = np.sqrt(500.0 / 100.0)  # of 100 gaps on 10 x 50 m
-    assert chosen == (None if times is None else pytest.approx(times * distance, rel=1e-9))
-    assert runs.made == made
+def gaps_of(lengths):
+    return sum(400.0 / h**2 for h in lengths.values())
+
+
+@pytest.mark.parametrize("judged_by", ["half the length", "a gap at every node"])
+def test_a_joint_that_opens_little_has_fewer_gaps_and_together_they_are_the_fewest(judged_by):
+    """Errors c h^1.6, c of 0.32 and 0.02 %: h_j^5.2 ~ 1 / c_j^2 has the fewest gaps that leave 1 %."""
+    strengths = {"crown": 0.0032, "side": 0.0002}
+    run, ran = runs_of(strengths)
+    every_node = None if judged_by == "half the length" else run({})
+    nodes = dict.fromkeys(strengths, Nodes(400, 1.0))
+    lengths = fewest_points(run, nodes, 8.0, 0.01, every_node).lengths
+    # of two joints in a whole of both, relative to which an error is 1 / sqrt(2) of that of its joint
+    error = {name: c * lengths[name] ** 1.6 / np.sqrt(2.0) for name, c in strengths.items()}
+    assert 0.007 < np.linalg.norm(list(error.values())) < 0.0101
+    assert lengths["side"] / lengths["crown"] == pytest.approx(16.0 ** (1.0 / 2.6), rel=0.02)
+    common = (0.01 * np.sqrt(2.0) / np.linalg.norm(list(strengths.values()))) ** (1.0 / 1.6)
+    assert gaps_of(lengths) < 0.8 * gaps_of(dict.fromkeys(strengths, common))
+    assert not any(lengths["crown"] == pytest.approx(k, abs=0.01) for k in range(1, 9))
+    assert len(ran) <= 5
+
+
+def test_where_no_length_keeps_the_accuracy_every_node_has_a_gap():
+    run, ran = runs_of({"crown": 0.5})
+    choice = fewest_points(run, {"crown": Nodes(400, 1.0)}, 8.0, 0.01)
+    assert choice.lengths == {"crown": None} and choice.run is None
+    assert {} not in ran and {"crown": None} not in ran
+
+
+def test_two_runs_that_are_the_same_choose_no_spacing():
+    run, _ = runs_of({"crown": 0.0})
+    same = fewest_points(lambda lengths: run({"crown": 10.0}), {"crown": Nodes(400, 1.0)}, 8.0, 0.01)
+    assert same.lengths == {"crown": None}
+
+
+def test_joints_of_a_dam_have_a_spacing_each():
+    raw = arch_dam(ground=False, element="hex20") | {
+        "materials": {"concrete": {"E": 30e9, "nu": 0.2, "rho": 2400.0}},
+        "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
+        "model": {"modes": 20},
+        "transient": {"finest_step": 0.001},
+    }
+    raw["arch_dam"]["joints"] = {"normal_stiffness": 2e10, "gaps": "corners", "spacing": {"J1": "12 m"}}
+    config = parse_config(raw, "s.yaml")
+    assert {name: joint.spacing for name, joint in config.every_joint.items()} == {
+        name: 12.0 if name == "J1" else None for name in config.every_joint
+    }
+    job = with_spacing(with_automatic_spacing(Job(config, Path("s.yaml"))), {"J1": 3.0, "J2": 5.0})
+    lengths = [joint.spacing for joint in job.config.every_joint.values()]
+    assert lengths == [3.0, 5.0, *[None] * (len(lengths) - 2)]
+    raw["arch_dam"]["joints"]["spacing"] = {"J9": 12.0}
+    with pytest.raises(ConfigError, match=r"arch_dam.joints.spacing: no 'J9' is defined; defined are J1"):
+        parse_config(raw, "s.yaml")
 
 
 def test_check_says_that_spacing_is_left_to_the_run(tmp_path):

@@ -365,16 +365,36 @@ class Sections(Model):
             if isinstance(section.joints, JointProperties):
                 template = section.joints
                 generated |= {
-                    name: joint_between(pair, template) for name, pair in section.joint_pairs.items()
+                    name: joint_between(name, pair, template) for name, pair in section.joint_pairs.items()
                 }
         touching = self.touching
         if touching is not None:
             generated |= {
-                name: joint_between(pair, touching) for name, pair in (touching.pairs or {}).items()
+                name: joint_between(name, pair, touching) for name, pair in (touching.pairs or {}).items()
             }
         return generated | {
             name: joint for name, joint in self.joints.items() if isinstance(joint, JointConfig)
         }
+
+    @property
+    def joint_sections(self) -> dict[str, tuple[JointProperties, tuple[str, ...]]]:
+        """Path of every section with keys of joints -> what stands there, and the joints that it makes."""
+        sections: dict[str, tuple[JointProperties, tuple[str, ...]]] = {
+            f"joints.{name}": (
+                joint,
+                tuple(joint.pairs or ()) if isinstance(joint, TouchingConfig) else (name,),
+            )
+            for name, joint in self.joints.items()
+        }
+        dam = self.gravity_dam
+        for key, value in dam.joints if dam else ():
+            if dam and isinstance(value, JointProperties):
+                sections[f"gravity_dam.joints.{key}"] = value, dam.joints_of_kinds.get(key, ())
+        several = {f"cut.{name}": cut for name, cut in self.cut.items()}
+        for path, section in (several | ({"arch_dam": self.arch_dam} if self.arch_dam else {})).items():
+            if isinstance(section.joints, JointProperties):
+                sections[f"{path}.joints"] = section.joints, tuple(section.joint_pairs)
+        return sections
 
     @property
     def joint_places(self) -> dict[str, tuple[str, ...]]:

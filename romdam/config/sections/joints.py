@@ -47,9 +47,15 @@ NormalRule = Annotated[
 ]
 
 
-Spacing = Annotated[
+SpacingOfJoint = Annotated[
     Annotated[Annotated[Length, Field(gt=0.0)], Tag("number")] | Annotated[Literal["auto"], Tag("word")],
     by_shape('a length such as 2.5 m, or "auto"', "auto"),
+]
+Spacing = Annotated[
+    Annotated[Annotated[Length, Field(gt=0.0)], Tag("number")]
+    | Annotated[Literal["auto"], Tag("word")]
+    | Annotated[dict[Name, SpacingOfJoint], Field(min_length=1), Tag("mapping")],
+    by_shape('a length such as 2.5 m, "auto", or one for each joint: {J1: 5 m, J2: auto}', "auto"),
 ]
 
 
@@ -97,7 +103,8 @@ class JointProperties(JointLaws):
     """Places of the gaps: every node of the faces, or corners of quadratic facets only."""
     spacing: Spacing | None = None
     """Distance of the gaps, where that is more than the distance of the nodes; auto: as large as
-    `transient.accuracy` allows."""
+    `transient.accuracy` allows, for each joint. Of a section that makes several joints also one for each of
+    those it names; the others have a gap at every node."""
     normal: NormalRule = "face"
     """Direction in which gaps open: the face's, the line between two nodes, or a vector from the first
     block to the second."""
@@ -150,6 +157,10 @@ class JointProperties(JointLaws):
                 )
         return self
 
+    def spacing_of(self, name: str) -> float | Literal["auto"] | None:
+        """Distance of the gaps [m] in one of the joints that have these properties."""
+        return self.spacing.get(name) if isinstance(self.spacing, dict) else self.spacing
+
     @property
     def law_keys(self) -> dict[str, Any]:
         """Every key of every law, a section as a mapping [SI]."""
@@ -197,6 +208,10 @@ class JointConfig(JointProperties):
     @model_validator(mode="after")
     def _two_blocks(self) -> Self:
         refuse_twice(self.between)
+        if isinstance(self.spacing, dict):
+            raise ValueError(
+                f"`spacing` names {len(self.spacing)} joints, and this is one; give a length, or auto"
+            )
         return self
 
 

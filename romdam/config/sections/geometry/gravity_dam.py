@@ -346,7 +346,7 @@ class GravityDamConfig(Model):
     def generated_joints(self) -> dict[str, JointConfig]:
         """Joints with what they do, those tied left out."""
         return {
-            name: joint_between(pair, kind)
+            name: joint_between(name, pair, kind)
             for name, (kind, pair) in self._kinds.items()
             if isinstance(kind, JointProperties)
         }
@@ -366,7 +366,10 @@ class GravityDamConfig(Model):
         return {"material": self.material} | ({"rock.material": self.rock.material} if self.rock else {})
 
 
-def joint_between(pair: tuple[str, str], properties: JointProperties) -> JointConfig:
+def joint_between(name: str, pair: tuple[str, str], properties: JointProperties) -> JointConfig:
     """The joint of two blocks with properties that stand elsewhere."""
     keys = properties.model_fields_set & JointProperties.model_fields.keys()
-    return JointConfig(between=pair, **{key: getattr(properties, key) for key in keys})
+    values = {key: getattr(properties, key) for key in keys}
+    if isinstance(properties.spacing, dict):
+        values["spacing"] = properties.spacing_of(name)
+    return JointConfig(between=pair, **values)
