@@ -493,7 +493,7 @@ _FAULTS = [
     *faults_in(
         "pipelines/run.py",
         ("tests/error/test_total_accuracy.py", "-k", "a_run_chooses"),
-        ("min(left / 2.0, MOST_ACCURACY)", "min(left, MOST_ACCURACY)"),
+        ("min(share / 2.0, MOST_ACCURACY)", "min(share, MOST_ACCURACY)"),
     ),
     *faults_in(
         "pipelines/error/sibling.py",
