@@ -13,6 +13,7 @@ with these, a change dX changes slips and openings by -A dX, with A the part of 
 
     X + dX = L - L' A dX.
 
+A gap that more tension would close takes what closes it and no more, and that is what the others answer.
 Forces of other gaps are taken as fixed, or, if that does not converge soon, as what keeps them closed and
 stuck. If a limit falls faster than the gaps can unload, the step has several solutions, and Newton might find
 an unstable one. There L' is set to zero: this fixed-point iteration converges to the next stable solution.
@@ -308,6 +309,7 @@ def follow_step(
     # along `heading`, L - X, and the slope of L with the opening and the slip of the gap
     of, kind = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=np.int64)
     X, missing, slope, heading = np.empty(2 * n), np.empty(2 * n), np.zeros((2 * n, 2)), np.zeros((2 * n, d))
+    closes = np.full(2 * n, np.inf)  # opening of what a tension pulls beyond its spring [m]
     tensions, corrected = 0, np.zeros((n, d), dtype=np.bool_)
     count, worst, largest, nearby = 0, 0.0, 1e-300, np.empty(STEP_ENTRIES)
     for i in range(n):
@@ -345,6 +347,7 @@ def follow_step(
             of[count], kind[count], X[count] = i, NORMAL, used.tension[i] if pulled else -force[b]
             missing[count], heading[count, NORMAL] = tension - X[count], -1.0
             corrected[i, NORMAL] = True
+            closes[count] = max(crack, 0.0) if pulled else np.inf
             count, tensions = count + 1, tensions + 1
         if shears:
             of[count], kind[count], X[count], missing[count] = i, SHEAR_J, T, bound - T
@@ -386,7 +389,9 @@ def follow_step(
             A[a, c] = _along(problem.W, of[a], of[c], heading[a], heading[c])
     if coupled and tensions > 0:
         _answer_of_others(problem.W, memory, d, of[:count], heading[:count], corrected, A)
-    change = _newton(slope[:count], A, of[:count], kind[:count], missing[:count], tensions > 0, cautious)
+    change = _newton(
+        slope[:count], A, of[:count], kind[:count], missing[:count], closes[:count], tensions > 0, cautious
+    )
     for a in range(count):
         i = of[a]
         new = max(X[a] + share * change[a], 0.0)
@@ -404,14 +409,24 @@ def follow_step(
 
 @njit(cache=True)
 def _newton(
-    slope: Floats, A: Floats, of: Ints, kind: Ints, missing: Floats, pulled: bool, cautious: bool
+    slope: Floats,
+    A: Floats,
+    of: Ints,
+    kind: Ints,
+    missing: Floats,
+    closes: Floats,
+    pulled: bool,
+    cautious: bool,
 ) -> Floats:
     """Solve (I + L' A) dX = L - X; falling slopes are left out if the gaps cannot unload as fast.
+
+    What more tension would close takes only what closes it, which is what others answer; its limit is L.
 
     Parameters
     ----------
     slope : (m, 2) of each limit with the opening and the slip of its gap [N/m]
     A : (m, m) jumps per force along the corrected forces [m/N]
+    closes : (m,) crack of a gap that a tension pulls, infinite of others [m]
     pulled : whether tensions are among the limits: then the solution is stable if all pivots are positive
     cautious : whether falling slopes are left out in any case
     """
@@ -433,7 +448,15 @@ def _newton(
         rise = slope[a, WITH_SLIP if kind[a] == SHEAR_J else WITH_OPENING]
         if rise >= 0.0 or (stable if pulled or cautious else np.abs(rows[a]).sum() <= _STEEPEST):
             system[a] += rows[a]
-    return np.asarray(np.linalg.solve(system, missing))
+    wanted, closed = missing.copy(), np.zeros(count, dtype=np.bool_)
+    while True:
+        change = np.linalg.solve(system, wanted)
+        new = ~closed & (change > 0.0) & (A @ change > closes)
+        if not new.any():
+            return np.where(closed, missing, change)
+        for a in range(count):
+            if new[a]:
+                closed[a], wanted[a], system[a] = True, closes[a] / A[a, a], A[a] / A[a, a]
 
 
 @njit(cache=True)

@@ -89,11 +89,20 @@ def test_load_against_crack_opening_converges_with_the_mesh(tmp_path):
         assert one == pytest.approx(loads[0], rel=off)
 
 
-@pytest.mark.parametrize(("softening", "energy"), [("linear", 40.0), ("exponential", 40.0)])
-def test_a_brittle_joint_pushed_over_cracks_in_every_step(tmp_path, softening, energy):
+@pytest.mark.parametrize(
+    ("softening", "energy", "peak", "finest_step"),
+    [
+        ("linear", 40.0, 40.0, "0.1 ms"),
+        ("exponential", 40.0, 40.0, "0.1 ms"),
+        # the last two gaps crack in turn unless what closes a crack is all that the other answers
+        ("exponential", 82.04727492633185, 42.659189063528366, "0.1 ms"),
+        ("exponential", 51.354182238751406, 25.412790893987705, "0.5 ms"),
+    ],
+)
+def test_a_brittle_joint_pushed_over_cracks_in_every_step(tmp_path, softening, energy, peak, finest_step):
     """Newton's corrections of the limits of several gaps go in a circle there; it dissipates G_f A."""
     found = result_of(
-        tmp_path, peak=40.0, energy=energy, softening=softening, finest_step="0.1 ms", duration=1.5
+        tmp_path, peak=peak, energy=energy, softening=softening, finest_step=finest_step, duration=1.5
     )
     assert (found.opening[-1] > 1e-3).any()
     assert 0.8 * energy * AREA < float(found.dissipated_energy[-1].sum()) < 1.01 * energy * AREA
