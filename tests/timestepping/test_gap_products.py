@@ -52,7 +52,7 @@ def test_blocks_side_by_side_are_one_and_none_is_lost(joined, blocks, directions
     system = _system(joined, directions)
     modes = np.arange(sum(MODES))
     split = make_split(system, modes, modes[:0], np.ones(len(modes)))
-    model, G = modal_model(system, split, np.arange(1), massless_boundary=False), system.B.toarray()
+    model, G = modal_model(system, split, np.arange(1), conserving=False), system.B.toarray()
     assert len(model.tiles) == blocks
     random, runs = np.random.default_rng(8), np.array([0, 2])
     q, p = random.standard_normal((3, G.shape[1])), random.standard_normal((3, G.shape[0]))

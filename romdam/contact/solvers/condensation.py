@@ -1,16 +1,18 @@
 """Condensation: contacts that have stuck for a long time are no longer unknowns of the Gauss-Seidel sweeps.
 
-While a contact sticks, its jump is known and its force is the unknown; no inequality has to be checked. Let s
-be the sticking contacts that are condensed and f the others. Eliminating the forces p_s from y = W p + y_free
-gives
+While a contact sticks, its jump y is zero and its force is the unknown; no inequality has to be checked. Let
+s be the sticking contacts that are condensed and f the others. Let p be a force whose response
+y = W p + y_free is known, and dp its change, which brings y_s to zero: dy_s = -y_s. Eliminating dp_s from
+dy = W dp gives
 
-    [p_s]       [-y_s ]          M_ss = W_ss^-1,   M_sf = W_ss^-1 W_sf,   M_ff = W_ff - W_fs W_ss^-1 W_sf
-    [   ] = M   [     ]  + ...
-    [y_f]       [ p_f ]
+    [dp_s]     [-y_s ]        M_ss = W_ss^-1,        M_sf = -W_ss^-1 W_sf,
+    [    ] = M [     ],
+    [dy_f]     [ dp_f]        M_fs = W_fs W_ss^-1,   M_ff = W_ff - W_fs W_ss^-1 W_sf,
 
-where M is the principal pivot of the Delassus operator W on s. The sweeps run on the smaller matrix M_ff, and
-p_s follows from p_f by one product. After every step p_s is checked: a contact that no longer sticks is
-released, by exchanging its three directions in M. So every step proves that the condensed contacts stick.
+where M is the principal pivot of the Delassus operator W on s. The sweeps look for dp_f by the smaller matrix
+M_ff, and dp_s follows from dp_f by one product. After every step p_s is checked: a contact that no longer
+sticks is released, by exchanging its three directions in M back. So every step proves that the condensed
+contacts stick.
 
 M is kept in single precision, as the matrix of the sweeps is, because the exact response is computed with W
 between the sweeps. `tests/benchmarks/bench_condensation.py` measures how many contacts of an arch dam are
@@ -33,7 +35,7 @@ from romdam.core.arrays import Bools, Floats, Ints, Singles
 from romdam.core.jit import ARRAYS, copy, njit
 
 _WORTH = 8  # M is made anew for one more contact in so many, and given up for fewer condensed ones
-_REGULAR = 1e-12  # of the largest diagonal: a singular matrix is inverted too, and refused
+_REGULAR = 1e-12  # of W's largest diagonal entry, added: a singular W_ss is inverted too, and then refused
 _CONDITION = 1e5  # of W on the condensed contacts: beyond it single precision does not hold them
 
 
@@ -46,16 +48,22 @@ def sticks(limits: Limits, p: Floats, i: int) -> bool:
 
 
 @njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"})
-def _exchange(M: Singles, size: int, k: Ints, P: Singles, X: Singles) -> None:
-    """Exchange forces and displacements of some directions in r = M z: known ones become unknowns.
+def _exchange(M: Singles, k: Ints, P: Singles, X: Singles) -> None:
+    """Exchange known and unknown of the directions k in r = M z, where o are the other directions.
+
+    r_k = M_kk z_k + M_ko z_o is solved for z_k and put into r_o, so that with P = M_kk^-1 and X = P M_k
+
+        M_kk <- P,   M_ko <- -X_o,   M_ok <- M_ok P,   M_oo <- M_oo - M_ok X_o.
 
     M goes through memory once, however many directions there are.
 
     Parameters
     ----------
+    M : (N, N) changed in place
     k : (m,) the directions, in threes
-    P, X : (m, m) inverse of M on them, (m, size) its product with their rows; changed
+    P, X : (m, m), (m, N) as above
     """
+    size = len(M)
     exchanged = np.zeros(size, dtype=np.bool_)
     for a in range(len(k)):
         exchanged[k[a]] = True
@@ -84,7 +92,7 @@ def _exchange(M: Singles, size: int, k: Ints, P: Singles, X: Singles) -> None:
 
 @njit(**ARRAYS)
 def _directions(chosen: Bools, which: bool) -> Ints:
-    """Directions of the gaps that are chosen, or of those that are not, in threes."""
+    """Directions of the gaps that are chosen (`which` True), or of those that are not, in threes."""
     count = 0
     for i in range(len(chosen)):
         count += int(chosen[i] == which)
@@ -99,7 +107,11 @@ def _directions(chosen: Bools, which: bool) -> Ints:
 
 @njit(**ARRAYS)
 def release(solver: FrictionalState, going: Bools) -> None:
-    """Make some condensed contacts unknowns of the sweeps again; what these have gathered is void."""
+    """Make some condensed contacts unknowns of the sweeps again.
+
+    M_ff is another matrix then, so the sweeps gather it anew. The contacts wait as those that have just come
+    to stick.
+    """
     sweeps, sticking = solver.sweeps, solver.sticking
     M, size, k = sticking.pivot, len(sticking.pivot), _directions(going, True)
     M_kk, rows = np.empty((len(k), len(k))), np.empty((len(k), size), dtype=np.float32)
@@ -109,7 +121,7 @@ def release(solver: FrictionalState, going: Bools) -> None:
         for j in range(size):
             rows[a, j] = M[k[a], j]
     P = np.linalg.inv(M_kk).astype(np.float32)
-    _exchange(M, size, k, P, np.dot(P, rows))
+    _exchange(M, k, P, np.dot(P, rows))
     for i in range(len(going)):
         if going[i]:
             sticking.condensed[i], sticking.wait[i] = False, size
@@ -120,7 +132,7 @@ def release(solver: FrictionalState, going: Bools) -> None:
 
 @njit(cache=True)
 def release_all(solver: FrictionalState) -> None:
-    """Condense no contact any more."""
+    """Condense no contact any more; M is void, and the sweeps gather W itself."""
     sweeps, sticking = solver.sweeps, solver.sticking
     for i in range(len(sticking.condensed)):
         if sticking.condensed[i]:
@@ -131,9 +143,10 @@ def release_all(solver: FrictionalState) -> None:
 
 @njit(**ARRAYS)
 def release_sliding(limits: Limits, solver: FrictionalState, p: Floats) -> None:
-    """Release the contacts that do not stick in a force, which is brought within their limits.
+    """Release the condensed contacts that do not stick under a force p, and bring theirs within the limits.
 
-    All are where these are many: an exchange of m directions costs m N^2, more than condensing saves.
+    Where they are many, all condensed contacts are released: an exchange of m directions costs m N^2, more
+    than condensing saves.
     """
     sticking, going, gone = solver.sticking, np.zeros(len(limits.mu), dtype=np.bool_), 0
     for i in range(len(going)):
@@ -167,8 +180,14 @@ def multiply(M: Singles, chosen: Bools, z: Singles, out: Floats) -> None:
 def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats) -> None:
     """Count for how many solutions every contact has stuck, and condense those that have for long.
 
-    That is for as many as W has rows: the sweeps (10 N^2 each) have then cost more than making M (N^3) does.
-    None are condensed where they determine each other.
+    That is for as many as W has rows, N: the sweeps (10 N^2 a solution) have then cost more than making M
+    (N^3) does. None are condensed where W_ss is ill-conditioned, because their forces then determine each
+    other.
+
+    Parameters
+    ----------
+    W : (N, N) Delassus operator [m/N]
+    p : (N,) force of the solution [N]
     """
     sticking, new = solver.sticking, 0
     wait, counts = sticking.wait, sticking.counts
@@ -195,7 +214,7 @@ def note_sticking(W: Floats, limits: Limits, solver: FrictionalState, p: Floats)
     Z = np.linalg.inv(W_ss)
     for a in range(len(s)):
         for b in range(len(s)):
-            if not abs(Z[a, b]) * largest < _CONDITION:  # they determine each other
+            if not abs(Z[a, b]) * largest < _CONDITION:  # NaN too
                 return
     X = np.dot(Z, W_sf)
     S = np.dot(W_sf.T.copy(), X)

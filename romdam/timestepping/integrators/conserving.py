@@ -34,7 +34,7 @@ class Conserving(ModalIntegrator):
     """The integrator of undamped reduced models; its histories part in time, and peaks scatter."""
 
     name: ClassVar[str] = "conserving"
-    massless_boundary: bool = True
+    conserving: bool = True
 
     def supports(self, system: System) -> None:
         """Refuse damping, and laws that it does not know.

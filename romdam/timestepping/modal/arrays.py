@@ -1,10 +1,21 @@
 """The data of the time loop, as NamedTuples of arrays, which compiled code can take.
 
+The loop integrates m modes and the joint force p in N = directions * n components of n gaps,
+
+    q'' + C q' + K q = f(t) + G^T p,      tau s' + s = p,      u = G q + R s + x(t),      p = law(u).
+
+G has the gaps' jumps in unit modal displacements. The modes with mass (and the damped ones of other time
+constants) are states q. Those without mass follow the joint force through one flexibility R, with the
+relaxation time tau: they are the quasi-static modes, and s is the relaxed joint force. x are jumps that no
+state and no force makes: what is fed back (`shift`), what the ground's acceleration makes by the quasi-static
+modes (`ground_jump`), and what moving supports make (`carried`).
+
 Several runs of one model are integrated together. They share the model (`ModalModel`) and the coefficients of
-every step size (`StepHierarchy`). What moves has the run as its leading axis: the clock and the memory of
-each run (`Batch`), the state at the last accepted step (`ModalState`), vectors of the step at hand (`Work`)
-and the rows that are written (`HistoryBuffer`). Numbers that change together are the fields of one record
-(`CLOCK`, `TRIES`, `REFUSALS`).
+every step size (`StepHierarchy`). A base step may be cut into smaller ones: level 0 is the base step, and
+every further level has a smaller step. What moves has the run as its leading axis: the clock and the memory
+of each run (`Batch`), the state at the last accepted step (`ModalState`), vectors of the step at hand
+(`Work`) and the rows that are written (`HistoryBuffer`). Numbers that change together are the fields of one
+record (`CLOCK`, `TRIES`, `REFUSALS`).
 """
 
 from __future__ import annotations
@@ -33,16 +44,18 @@ class ModalModel(NamedTuple):
     Attributes
     ----------
     static : (m,) static force on the modes [N]
-    load : (components, m) inertia force per unit ground acceleration, negative sign included
-    tiles : (nt, 5) row start and end, column start and end of each non-zero block of G, offset of its values
+    load : (components, m) force on the modes per unit of each row of `Batch.acc`: minus the columns of
+        `System.load`
+    tiles : (blocks, 5) row start and end, column start and end of each non-zero block of G, offset of its
+        values
     values : G's blocks, row-major, one after another
-    R : (N, N) flexibility of the modes that are no states, or (0, 0) [m/N]
-    conserving : True where the joint force acts with its mean over the step, so that no energy is lost, else
-        None, which is a type of its own to numba: what is not called is not compiled either
-    shift : (nt, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
-    ground_jump : (components, N) jump of the modes that are no states per unit ground acceleration, or (0, 0)
-        [s2]
-    carried : (N, m) jumps that unit displacements of moving supports make, or (0, 0)
+    R : (N, N) flexibility of the quasi-static modes, or (0, 0) [m/N]
+    conserving : True where the mean joint force over the step does the work that the gaps store, see
+        `romdam.timestepping.modal.massless_boundary`; else None, which is a type of its own to numba: what is
+        not called is not compiled either
+    shift : (base steps + 1, N) added to the jumps at every base step, linear in between, or (0, 0) [m]
+    ground_jump : (components, N) jump of the quasi-static modes per unit of `Batch.acc`, or (0, 0) [s2]
+    carried : (N, k) jumps that unit displacements of the k moving supports make, or (0, 0)
     """
 
     static: Floats
@@ -64,11 +77,12 @@ class StepHierarchy(NamedTuple):
 
     Attributes
     ----------
-    size : (levels,) finest steps in a step
+    size : (levels,) length of each level's step, in finest steps
     step : stacked Propagator
     problem : stacked GapProblem
-    decay : (variants, levels) exp(-step / tau), tau the relaxation time of R
-    half : (variants, levels, N, N) half the states' flexibility over a step (conserving), else empty [m/N]
+    decay : (variants, levels) exp(-step / tau), tau the relaxation time of R; 0 where R follows at once
+    half : (variants, levels, N, N) half of the jump of the states at the step's end per constant joint force
+        over the step, as a conserving step needs it; else (variants, 1, 0, 0) [m/N]
     """
 
     size: Ints
@@ -86,14 +100,17 @@ class Batch(NamedTuple):
     variant : (runs,) `VARIANT`: its variant of the step coefficients, and of the gap-space problem
     samples, rows : (runs,) its first column of the ground acceleration, its first row of the history buffer
     last : (runs,) its number of base steps
-    impulse : (runs,) largest gap velocity that the change of a joint force over a step may stand for [m/s]
-    shear_impulse : (runs,) the same of the shear of all gaps together [m/s]
+    impulse : (runs,) a step is cut where the change of a gap's normal force over it moves that gap by more
+        than this velocity times the step [m/s]
+    shear_impulse : (runs,) the same of the shear of all closed gaps together, and the speed at which a gap
+        that slides may turn back within the step [m/s]
     clock : (runs,) `CLOCK`: base steps done, finest steps done in the present one, level of the next step,
         accepted steps since the closed set changed, whether what the laws keep moved in the last step, its
         length [s]
     failed : (runs,) whether a step did not converge at the finest level
-    acc : (components, samples) ground acceleration at every base step, the runs one after another [m/s2]
-    supports : (3 m, samples) acceleration, velocity and displacement of moving supports
+    acc : (components, samples) what the columns of the load follow, at every base step, the runs one after
+        another: ground acceleration [m/s2], and forces that vary in time
+    supports : (3 k, samples) acceleration, velocity and displacement of the k moving supports
     memory : (runs,) of the gap-space problems, without the solver's part
     solver : (runs, levels) what the solver has learnt, see `romdam.contact.solvers.state`
     """
@@ -142,7 +159,7 @@ class ModalState(NamedTuple):
     f : (m,) external modal force
     u_r : (N,) jump that the relaxed joint force makes, R s [m]
     mean : (N,) joint force that acted over the last step [N]
-    w : (N,) jump of the states, G q (conserving only) [m]
+    w : (N,) jump of the states, G q; kept where the step is conserving only [m]
     closed : (n,) closed gaps
     slip_rate : (n, 2) mean over the last step along j and k; empty without shear [m/s]
     tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
@@ -170,11 +187,13 @@ class Work(NamedTuple):
     ----------
     f_0, f_end : (runs, m) external force at the ends of the present base step
     f_1, q_free, r : (runs, m) external force and displacement without joint force at the step's end; joint
-        force on the modes
-    w, y, old_force : (runs, N) jumps, the gap-space problem's solution, joint force at the step's start
+        force on the modes, G^T p
+    w : (runs, N) jumps at the step's end without joint force; once the step is accepted R p
+    y, old_force : (runs, N) the gap-space problem's solution; unilateral force at the step's start
     moved : (runs, N) what the change of the shear moves the jumps by
-    start_shift, end_shift : (runs, N) added jumps at both ends of the base step; (runs, 0) where none are
-    shift, last_shift : (runs, N) or (runs, 0) added jumps at the step's end, and at the last accepted one's
+    start_shift, end_shift : (runs, N) x at both ends of the base step, without what moving supports make;
+        (runs, 0) where no jumps are added
+    shift, last_shift : (runs, N) or (runs, 0) x at the step's end, and at the last accepted one's
     active, accepted : (runs,) numbers of the runs that are not done, and whose step was accepted
     """
 
@@ -202,8 +221,8 @@ class HistoryBuffer(NamedTuple):
     ----------
     stride : base steps per row
     rows : one per written base step, the runs one after another
-    by_states, by_forces : (p, m), (p, N) displacement of the output nodes per modal displacement, and per
-        relaxed joint force, which is that of modes without mass; (0, 0) where there are none
+    by_states, by_forces : (p, m), (p, N) displacement of the output nodes per modal displacement q, and per
+        relaxed joint force s; (0, 0) where there are none
     node_disp : (samples, p) at every base step, the runs as in `Batch.acc`; (0, p) where each is a row
     """
 

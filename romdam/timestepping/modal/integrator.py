@@ -3,8 +3,8 @@
 A diagonal system needs no equation solver in time: each mode is propagated by its own exact step, and only
 the joint force couples the modes. What the integrators of this family choose differently is which modes are
 dynamic, how steps are cut, and where within a step the joint force is taken. `ModalIntegrator` has the common
-answers, a fixed step with every mode dynamic, and sorts simulations into batches that the time loop takes
-together.
+answers, a fixed step with every mode dynamic, and sorts simulations into batches that the time loop
+(`romdam.timestepping.modal.loop`) takes together.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from romdam.timestepping.steps import Steps, fixed_steps
 if TYPE_CHECKING:
     from romdam.config.sections.transient import TransientConfig
 
-_CACHE_BYTES = 0.4e6  # of the gaps of one run
+_CACHE_BYTES = 0.4e6  # of a run's matrix over its gaps: with more, several runs crowd a core's cache
 
 
 class ModalIntegrator:
@@ -35,13 +35,15 @@ class ModalIntegrator:
 
     Attributes
     ----------
+    name, shifts, resumes : see `romdam.timestepping.prepared.Integrator`
     midpoint : whether joint forces follow their springs at a point within the step, see
         `romdam.contact.problem`; else at its end
-    force_change : what the change of a joint force over a step may do before the step is cut, as a gap
-        velocity relative to the peak ground velocity
-    shear_change : the same of the shear of closed gaps, all together, and of the speed at which a gap that
+    force_change : a step is cut where the change of a gap's normal force over it moves the gap faster than
+        this share of the peak ground velocity; inf cuts none
+    shear_change : the same of the shear of all closed gaps together, and of the speed at which a gap that
         slides over a step may move back at its end
-    massless_boundary : whether the joint force acts with its mean over the step, so that no energy is lost
+    conserving : whether the mean joint force over a step does the work that the gaps store, see
+        `romdam.timestepping.modal.massless_boundary`
     """
 
     name: ClassVar[str]
@@ -50,7 +52,7 @@ class ModalIntegrator:
     midpoint: bool = False
     force_change: float = math.inf
     shear_change: float = math.inf
-    massless_boundary: bool = False
+    conserving: bool = False
 
     @classmethod
     def configured(cls, transient: TransientConfig) -> Self:
@@ -101,31 +103,37 @@ class ModalIntegrator:
         return [outcomes[i] for i in range(len(simulations))]
 
 
-def _modes(system: System) -> tuple[bytes, bytes, bytes]:
-    """What systems that stand side by side have in common: samples may have other materials and levels."""
-    return system.K.diagonal().tobytes(), np.asarray(system.load).tobytes(), system.force.tobytes()
-
-
 def _batches(simulations: Sequence[Simulation], step: float) -> Iterator[list[int]]:
-    """Numbers of the simulations to take together: arrays can stand side by side, and runs gain by it.
+    """Numbers of the simulations to take together: their arrays can stand side by side, and runs gain by it.
 
-    The products with the modes gain by it, little since those of a lone run take four rows at a time. What
-    the gaps carry from step to step (an inverse, or the gathered Delassus operator) is each run's own, and
-    beyond a core's cache runs crowd each other out (`tests/benchmarks/bench_batch.py`): then every run is a
-    batch by itself.
+    Arrays stand side by side where the modes are the same (stiffness, load, static force, and which are
+    dynamic) and the gaps are of one kind (directions, laws, tension, merged by symmetry). The systems may
+    differ in damping and in the joints' parameters. The samples of a suite differ in these, but also in
+    materials and water levels, which change the modes.
+
+    The products with the modes gain by a batch, little since those of a lone run take four rows at a time.
+    What the gaps carry from step to step (an inverse, or the gathered Delassus operator) is each run's own,
+    and beyond a core's cache runs crowd each other out (`tests/benchmarks/bench_batch.py`): then every run is
+    a batch by itself.
+
+    Parameters
+    ----------
+    step : base step, by which integrators choose the dynamic modes [s]
     """
-    groups: dict[tuple[object, ...], list[int]] = {}  # whose arrays can stand side by side
+    groups: dict[tuple[object, ...], list[int]] = {}
     for i, (prepared, _) in enumerate(simulations):
-        law, symmetry = prepared.system.law, prepared.symmetry
+        system, law, symmetry = prepared.system, prepared.system.law, prepared.symmetry
         integrator = prepared.integrator
         assert isinstance(integrator, ModalIntegrator)
-        merged = b"" if symmetry is None else symmetry.gaps.tobytes()
+        dynamic = integrator.split(prepared, step).dynamic
+        modes = (system.K.diagonal(), np.asarray(system.load), system.force, dynamic)
         laws = law.has_memory, tuple(rows.law for rows in law.laws), bool(law.has_memory and law.mu.any())
-        gaps = (law.directions, *laws, bool(law.K_nz.any()), merged, _modes(prepared.system))
-        groups.setdefault((integrator.split(prepared, step).dynamic.tobytes(), *gaps), []).append(i)
+        merged = b"" if symmetry is None else symmetry.gaps.tobytes()
+        gaps = (law.directions, *laws, bool(law.K_nz.any()), merged)
+        groups.setdefault((*(array.tobytes() for array in modes), *gaps), []).append(i)
     for group in groups.values():
         law = simulations[group[0]].prepared.system.law
-        carried = 8.0 * (law.directions * len(law)) ** 2
-        most = len(group) if carried < _CACHE_BYTES else 1
+        matrix_bytes = 8.0 * (law.directions * len(law)) ** 2
+        most = len(group) if matrix_bytes < _CACHE_BYTES else 1
         for first in range(0, len(group), most):
             yield group[first : first + most]

@@ -85,7 +85,7 @@ class ModalScheme(Protocol):
     midpoint: bool
     force_change: float
     shear_change: float
-    massless_boundary: bool
+    conserving: bool
 
     def split(self, prepared: Prepared, step: float) -> ModeSplit:
         """Choose the dynamic modes for a base step [s]."""
@@ -124,7 +124,7 @@ def modal_model(
     system: System,
     split: ModeSplit,
     active: Ints,
-    massless_boundary: bool,
+    conserving: bool,
     shift: Floats | None = None,
 ) -> ModalModel:
     """Arrays of a diagonal system for the hot loop.
@@ -132,7 +132,7 @@ def modal_model(
     Parameters
     ----------
     active : the shaken components
-    massless_boundary : whether the joint force acts with its mean over a step
+    conserving : whether the mean joint force over a step does the work that the gaps store
     shift : (nt, N) added to the jumps at every base step [m]
     """
     ground_jump = split.G_quasi @ split.ground_answer(system)[:, active]
@@ -152,7 +152,7 @@ def modal_model(
         tiles=tiles,
         values=values,
         R=np.ascontiguousarray(R),
-        conserving=True if massless_boundary else None,
+        conserving=True if conserving else None,
         shift=np.zeros((0, 0)) if shift is None else np.ascontiguousarray(shift),
         ground_jump=np.ascontiguousarray(ground_jump.T) if ground_jump.any() else np.zeros((0, 0)),
         carried=np.ascontiguousarray(

@@ -135,7 +135,7 @@ def _arrays(
 
     def constant() -> tuple[ModalModel, StepHierarchy, Ints]:
         """Arrays that the loop reads only."""
-        model = modal_model(prepared.system, split, active, integrator.massless_boundary, shift)
+        model = modal_model(prepared.system, split, active, integrator.conserving, shift)
         return model, *step_levels(variants, integrator, model, split, steps)
 
     if len(variants) > 1 or shift is not None:
