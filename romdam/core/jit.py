@@ -1,17 +1,22 @@
 """Compile functions, and let compiled functions take one row of many named arrays, or write into one.
 
 The time loop and the contact solvers are Python functions that numba compiles. `njit` declares them. It
-differs from numba's own in two things, each in a module of its own: what is compiled is kept on disk safely
-(`kept_code.py`), and a tree of calls is compiled once instead of once at every level (`late_linking.py`).
+differs from numba's decorator of the same name in two things.
+
+- What is compiled is kept on disk safely (`kept_code.py`).
+- A tree of calls is optimised once, instead of once at every level (`late_linking.py`). For this a function
+  is compiled in two forms. Python calls the entry, which is optimised together with all that it calls.
+  Compiled functions call the other form, which is lowered to LLVM's code and no more, because it is optimised
+  within the entry that it ends up in.
 
 A run's state is a NamedTuple of arrays with one row for each run. `at` and `put` of `core.arrays` take a row
 of all its arrays, and write one. Numba compiles no such function by itself, so their code is written out
-here.
+here, in numba's two halves: the type of the result, and the code that makes it.
 
-Two sets of options say whether a function and all that it calls make arrays. Numba counts the references to
-every view of an array, which costs two atomic operations for each, dozens in a step. The time loop makes no
-arrays and so needs no counts (`VIEWS`). With either set Python's other threads go on while compiled code
-runs.
+Two sets of options say whether a function and all that it calls make arrays. Numba's runtime (`_nrt`) counts
+the references to every view of an array, which costs two atomic operations for each, dozens in a step. A
+function that makes no arrays, as the time loop, needs no counts (`VIEWS`); others do (`ARRAYS`). With either
+set Python's other threads go on while compiled code runs.
 """
 
 from __future__ import annotations
@@ -33,7 +38,7 @@ from romdam.core.kept_code import keep
 
 _LINKED_LATE = ((0, 68),)  # versions of numba that `late_linking.py` was tried with
 
-# no arrays are made there, nor by what is called; or some may be
+# where no array is made, neither there nor by what is called; and where some are
 VIEWS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 ARRAYS: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": True}
 
@@ -51,19 +56,19 @@ def late_linking(version: tuple[int, ...]) -> dict[str, Any]:
 
 
 _ENTRY = late_linking(numba.version_info.short)
-# options of functions that only compiled ones call
-CALLED: Any = _ENTRY and _ENTRY | {"no_cpython_wrapper": True}
+# of the form that compiled functions call; empty where numba compiles every function whole
+CALLED: Any = _ENTRY | {"no_cpython_wrapper": True} if _ENTRY else {}
 
 
 def njit(cache: bool = False, **options: Any) -> Callable[[Callable[..., Any]], Any]:
-    """`numba.njit`, with a second function for compiled callers, which is only lowered.
+    """`numba.njit`, with a second form of the function for compiled callers.
 
     Parameters
     ----------
     cache : keep what is compiled for the next process; where that cannot be kept, or is damaged, it is
         compiled again
-    options : numba's. `forceinline` is for the function itself: numba would hand it down to all that is
-        called, which takes twice as long to compile
+    options : numba's. `forceinline` applies to the function alone: unless it is stated, numba takes it from
+        the caller, and so for all that is called, which takes twice as long to compile
     """
     options = {"forceinline": False} | _ENTRY | options
 
@@ -77,11 +82,12 @@ def njit(cache: bool = False, **options: Any) -> Callable[[Callable[..., Any]], 
             called = numba.njit(**options | CALLED)(function)
 
             def template(args: Any, kws: Any) -> Any:
-                """Types of calls, one for all values: numba would compile it for 0 and for integers."""
+                """Let a literal argument count as its type: numba would compile for 0 and for integers."""
                 literal = (types.Literal, types.Tuple)
                 plain = [types.unliteral(kind) if isinstance(kind, literal) else kind for kind in args]
                 return called.get_call_template(plain, kws)
 
+            # by these numba resolves a call from compiled code: its types, and then its code
             entry.get_call_template, entry.get_overload = template, called.get_overload
         return entry
 
@@ -104,6 +110,7 @@ def _element(context: Any, kind: Any, index: Any) -> Any:
 
 
 def _type_of_view(context: Any, kind: Any, index: Any) -> Any:
+    """Type of `at` of a value of this type."""
     if hasattr(kind, "instance_class"):  # a NamedTuple
         views = [_type_of_view(context, of, index) for of in kind]
         return types.BaseTuple.from_types(views, kind.instance_class)
@@ -136,6 +143,7 @@ def _lower_at(context: Any, builder: Any, signature: Any, args: Any) -> Any:
 
 
 def _can_put(many: Any, index: Any, one: Any) -> bool:
+    """Tell whether `put` has code for these types: whole arrays in C order of one type, and numbers."""
     if hasattr(many, "instance_class"):
         return len(many) == len(one) and all(
             _can_put(rows, index, values) for rows, values in zip(many, one, strict=True)

@@ -1,8 +1,9 @@
 """What a computation knows of a scene or a system: whatever else these hold is refused by its name.
 
-A list of what is *not* supported goes out of date in silence when somebody adds an effect. So a computation
-that does not ask an effect itself states the fields that it knows, and those that it does not know must hold
-nothing. `romdam.config.effects.refuse_unknown_effects` does the same with the effects of a job.
+Some computations serve a part of all effects only, such as a deck for another code. A list of what they do
+*not* know would go out of date in silence when somebody adds an effect. So they list the fields that they
+know, and every other field must hold nothing. `romdam.config.effects.refuse_unknown_effects` does the same
+with the effects of a job.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def refuse_unknown(
     ----------
     known : fields that may hold something
     what : of the computation, such as "written for other codes"
-    remedies : field -> (key of the configuration, remedy), of those that it is known not to be able to have
+    remedies : field -> (key of the configuration, remedy), to refuse it by; else by the field's own name
 
     Raises
     ------
@@ -53,11 +54,10 @@ def refuse_unknown(
         with the key and the remedy.
     """
     for name in contents(of):
-        if name in known:
-            continue
-        unnamed = f"{type(of).__name__}.{name}", "leave out the key that asks for it"
-        key, remedy = (remedies or {}).get(name, unnamed)
-        raise ConfigError(f"{key} is not {what}; {remedy}")
+        if name not in known:
+            otherwise = f"{type(of).__name__}.{name}", "leave out the key that asks for it"
+            key, remedy = (remedies or {}).get(name, otherwise)
+            raise ConfigError(f"{key} is not {what}; {remedy}")
 
 
 def refuse_unknown_kinds(
@@ -72,7 +72,7 @@ def refuse_unknown_kinds(
     ----------
     known : kinds that a scene may have
     what : of the computation, such as "written for other codes"
-    remedies : kind -> (key of the configuration, remedy), of those that it is known not to be able to have
+    remedies : kind -> (key of the configuration, remedy), to refuse it by; else by the name of its class
 
     Raises
     ------
@@ -82,5 +82,6 @@ def refuse_unknown_kinds(
     for effect in effects:
         kind = type(effect)
         if kind not in known:
-            key, remedy = (remedies or {}).get(kind, (kind.__name__, "leave out the key that asks for it"))
+            otherwise = kind.__name__, "leave out the key that asks for it"
+            key, remedy = (remedies or {}).get(kind, otherwise)
             raise ConfigError(f"{key} is not {what}; {remedy}")

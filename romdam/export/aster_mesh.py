@@ -1,6 +1,9 @@
 """The points and cells of a deck as a mesh of code_aster (.mail), with a group for all that a command names.
 
-A gap is a point of its own whose displacement is the jump, as in `romdam.export.keywords`.
+Nodes are named N1, N2, ... by the number of their point in the deck, and elements M1, M2, ... in the order in
+which they are written. What a command names is a group of nodes or elements. A gap is a node of its own
+whose displacement is the jump, as in `romdam.export.keywords`; its number is behind those of the deck.
+Springs, contact and added mass sit on elements of one node (POI1).
 
 References
 ----------
@@ -27,9 +30,9 @@ class Groups:
 
     Attributes
     ----------
-    single : points (numbers of the deck's, gaps' behind them) that have a group P<number> of their own
-    nodes : name -> points of a group of several
-    discrete : name -> points that carry a discrete element of that group
+    single : points that have a group of their own, see `single_group`
+    nodes : name -> points of a group of nodes
+    discrete : name -> points that carry a one-node element of that group of elements
     """
 
     single: Ints
@@ -38,29 +41,32 @@ class Groups:
 
 
 def block_group(number: int) -> str:
-    """Name of a block's group of elements, its number from 0 on."""
+    """Name of a block's group of elements, for its number in the deck."""
     return f"B{number + 1}"
 
 
 def single_group(point: int) -> str:
-    """Name of a point's own group."""
+    """Name of a point's own group of nodes, for its number in the deck."""
     return f"P{point + 1}"
 
 
 def mail_text(deck: Deck, groups: Groups) -> str:
-    """The mesh: points of solids and gaps, solids by blocks, one-node elements, groups."""
-    there = np.flatnonzero(deck.meshed)
-    numbers = np.concatenate([there, len(deck.points) + np.arange(len(deck.gaps))])
-    points = np.concatenate([deck.points[there], deck.points[deck.gaps.points[:, 0]]])
+    """Write the mesh: nodes of solids and gaps, solids by blocks, one-node elements, groups of nodes."""
+    of_solids = np.flatnonzero(deck.meshed)
+    numbers = np.concatenate([of_solids, deck.jump_points])
+    # a gap's node stands on its side I; where it stands changes nothing
+    points = deck.points[np.concatenate([of_solids, deck.gaps.points[:, 0]])]
     lines = ["TITRE", "mesh of romdam", "FINSF", "COOR_3D"]
     for number, (x, y, z) in zip((numbers + 1).tolist(), points.tolist(), strict=True):
         lines.append(f"N{number} {x:.14E} {y:.14E} {z:.14E}")
     lines.append("FINSF")
-    first = 1
+    first = 1  # number of the next element
     for number, solid in enumerate(deck.solids):
         members = first + np.arange(len(solid.cells))
         for element, rows, cells in kinds_of(solid.element, solid.cells):
-            order = element.cell.orders.get("aster")  # of code_aster's nodes, from VTK's
+            order = element.cell.orders.get(
+                "aster"
+            )  # for every node in VTK's order its place in code_aster's
             nodes = cells if order is None else cells[:, np.argsort(order)]
             lines += _cells(element.cell.aster, members[rows], nodes)
         lines += _group("GROUP_MA", block_group(number), "M", members)
@@ -77,6 +83,7 @@ def mail_text(deck: Deck, groups: Groups) -> str:
 
 
 def _cells(kind: str, members: Ints, cells: Ints) -> Iterator[str]:
+    """Elements of a kind: their numbers (n,), and their points (n, nodes) in code_aster's order."""
     yield kind
     for member, cell in zip(members.tolist(), (cells + 1).tolist(), strict=True):
         yield from _lines([f"M{member}", *(f"N{node}" for node in cell)])
@@ -84,6 +91,7 @@ def _cells(kind: str, members: Ints, cells: Ints) -> Iterator[str]:
 
 
 def _group(keyword: str, name: str, letter: str, members: Ints) -> Iterator[str]:
+    """A group of elements (M) or nodes (N), by their numbers from 1 on."""
     yield f"{keyword} NOM = {name}"
     yield from _lines([f"{letter}{member}" for member in members.tolist()])
     yield "FINSF"

@@ -149,20 +149,20 @@ def _grid(config: ArchDamConfig, halves: Floats, ground: Ground | None) -> _Grid
     if ground is None:
         return inner
     first = len(inner.points)
-    ground_number = ground.number(number, first)
+    ground_number = ground.node_numbers(number, first)
     fresh = ground_number >= first
     count = first + int(fresh.sum())
     # layers run outward, so that cells are taken with them reversed
     shape = tuple(n - 1 for n in ground_number.shape)
     cells = hexahedra(ground_number[:, :, ::-1]).reshape(*shape, 8)[:, :, ::-1]
-    piece_of = ground.parts(list(config.block_names))
-    filled = piece_of >= 0
-    left = np.broadcast_to(2 * np.arange(len(piece_of))[:, None, None] < len(piece_of), piece_of.shape)
+    block_of = ground.blocks_of_cells(list(config.block_names))
+    filled = block_of >= 0
+    left = np.broadcast_to(2 * np.arange(len(block_of))[:, None, None] < len(block_of), block_of.shape)
     rest = np.full((count - first, 3), np.nan)
     return _Grid(
         points=np.vstack([inner.points, ground.points[fresh]]),
         cells=np.vstack([inner.cells, cells[filled]]),
-        owner=np.concatenate([inner.owner, piece_of[filled]]),
+        owner=np.concatenate([inner.owner, block_of[filled]]),
         mirrored=np.concatenate([inner.mirrored, left[filled]]),
         tags={True: np.vstack([inner.tags[True], rest]), False: _tags(ground_number, count)},
         halves={True: halves, False: ground.halves},
@@ -223,7 +223,7 @@ def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | N
     assert ground is not None
     p, b, l = np.moveaxis(tags[facets], -1, 0)
     first, last = ground.under
-    path_ends = on(p, 0) | on(p, ground.path)
+    path_ends = on(p, 0) | on(p, ground.last_p)
     if block.name == PERIMETER:
         faces = {
             "dam": on(l, 0),

@@ -1,4 +1,17 @@
-"""The ground of an arch dam: perimeter and rock as one grid around the path of the contact."""
+"""The ground of an arch dam: perimeter and rock as one grid (p, b, l) around the contact.
+
+The dam is a grid (a along the arc, b through the thickness, c up), see `romdam.geometry.arch_dam.generator`.
+Its contact with the ground is a path p: down the left end face, along the feet and up the right end face.
+From the middle of the crest a ray in x and z goes through each point of the contact, and on into the ground.
+The layers l lie along the rays outward: l = 0 is the contact, the first layers are the perimeter below the
+dam, and those of the rock grow from there to the side and bottom faces of a box.
+
+The rows b run downstream. Those below the dam are its own; others continue every line along y to the up- and
+downstream faces of the box. There l = 0 is the surface of the ground, and all layers are rock.
+
+The contact is curved between the corners of its facets. The grid of half steps follows it, and what it
+deviates from straight edges fades towards the faces of the box, which are planes.
+"""
 
 from __future__ import annotations
 
@@ -11,23 +24,23 @@ from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Ints
 from romdam.geometry.elements import Floats
 
-_THIN = 1e-4  # share of the first of the layers that grow
+_THIN = 1e-4  # least share that the first one may have of all layers that grow
 _FLAT = 0.3  # least cosine between a ray and the contact's normal for which the thickness is corrected
 
 
 @dataclass(frozen=True)
 class Ground:
-    """The grid (p, b, l) of the ground.
+    """The grid (p, b, l) of the ground, of np x nb x nl cells.
 
     Attributes
     ----------
-    points : (np + 1, rows + 1, layers in all + 1, 3) [m]
-    halves : (2 np + 1, 2 rows + 1, 2 layers + 1, 3) the same and what lies halfway between them [m]
+    points : (np + 1, nb + 1, nl + 1, 3) [m]
+    halves : (2 np + 1, 2 nb + 1, 2 nl + 1, 3) the same and what lies halfway between them [m]
     under : first and last b below the dam
-    layers : layers of the perimeter; 0 without
-    zone : (np, rows, layers) number of the zone of each cell, -1 where there is no rock
-    perimeter : (np, rows, layers) whether a cell is the perimeter's
-    zones : names
+    layers : how many of the nl are the perimeter's; 0 without
+    zone : (np, nb, nl) number of the zone of each cell, -1 where there is no rock
+    perimeter : (np, nb, nl) whether a cell is the perimeter's
+    zones : names of the zones
     contact : (np + 1, 2) the dam's (a, c) of every p
     """
 
@@ -41,13 +54,23 @@ class Ground:
     contact: Ints
 
     @property
-    def path(self) -> int:
-        """Last p."""
+    def last_p(self) -> int:
+        """The end of the path, at the crest on the right bank."""
         return len(self.contact) - 1
 
-    def number(self, dam: Ints, first: int) -> Ints:
-        """Node numbers of the grid: the dam's on the contact, new ones from `first` on, else -1."""
-        used = self._used()
+    def node_numbers(self, dam: Ints, first: int) -> Ints:
+        """Numbers of the grid's points (np + 1, nb + 1, nl + 1), -1 where no cell has them.
+
+        Parameters
+        ----------
+        dam : (na + 1, nb of the dam + 1, nc + 1) numbers of the dam's nodes, which those on the contact share
+        first : number of the first new node
+        """
+        filled = self.perimeter | (self.zone >= 0)
+        used = np.zeros(tuple(n + 1 for n in filled.shape), dtype=bool)
+        for shift in np.ndindex(2, 2, 2):
+            corner = tuple(slice(s, s + n) for s, n in zip(shift, filled.shape, strict=True))
+            used[corner] |= filled
         number = np.full(used.shape, -1)
         shared = np.zeros_like(used)
         shared[:, self.under[0] : self.under[1] + 1, 0] = True
@@ -57,22 +80,14 @@ class Ground:
         number[:, self.under[0] : self.under[1] + 1, 0] = dam[a, :, c]
         return number
 
-    def _used(self) -> Bools:
-        filled = self.perimeter | (self.zone >= 0)
-        used = np.zeros(tuple(n + 1 for n in filled.shape), dtype=bool)
-        for shift in np.ndindex(2, 2, 2):
-            corner = tuple(slice(s, s + n) for s, n in zip(shift, filled.shape, strict=True))
-            used[corner] |= filled
-        return used
-
-    def parts(self, names: list[str]) -> Ints:
-        """Number of the block of every cell in a list of names, -1 where there is none."""
-        piece = np.full(self.zone.shape, -1)
+    def blocks_of_cells(self, names: list[str]) -> Ints:
+        """(np, nb, nl) place of each cell's block in a list of names, -1 where there is no block."""
+        block = np.full(self.zone.shape, -1)
         if self.perimeter.any():
-            piece[self.perimeter] = names.index(PERIMETER)
+            block[self.perimeter] = names.index(PERIMETER)
         for k, zone in enumerate(self.zones):
-            piece[self.zone == k] = names.index(f"{ROCK}_{zone}")
-        return piece
+            block[self.zone == k] = names.index(f"{ROCK}_{zone}")
+        return block
 
 
 def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Ground | None:
@@ -81,11 +96,13 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
     Parameters
     ----------
     dam_halves : (2 na + 1, 2 nb + 1, 2 nc + 1, 3) the dam's grid, every other point a corner [m]
+    location : file and key, for messages
 
     Raises
     ------
     ConfigError
-        for rock smaller than the dam, and zones that cover nothing or leave cells out.
+        for rock smaller than the dam, layers without thickness, and zones that cover nothing, overlap or
+        leave cells out.
     """
     if config.perimeter is None and config.rock is None:
         return None
@@ -96,7 +113,8 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
         + [(a, 0) for a in range(na + 1)]
         + [(na, c) for c in range(1, nc + 1)]
     )
-    inner = dam[contact[:, 0], :, contact[:, 1]]
+    inner = dam[contact[:, 0], :, contact[:, 1]]  # (np + 1, nb + 1, 3)
+
     # unit vectors in x and z from the middle of the crest through the contact's points
     away = inner - np.array([0.0, 0.0, config.crest])
     away[..., 1] = 0.0
@@ -107,12 +125,22 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
         share = np.linspace(0.0, 1.0, config.divisions.perimeter + 1)[1:]
         layers += [inner + s * thickness * rays for s in share]
     count = len(layers) - 1
-    rock, d = config.rock, config.divisions
+    rock, d, bulge = config.rock, config.divisions, _bulge(dam_halves, inner, contact)
     if rock is None:
         points = np.stack(layers, axis=2)
-        filled = np.ones(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
-        halves = _halved(points, 3) + _bulge(dam_halves, inner, contact)[:, :, None]
-        return Ground(points, halves, (0, nb), count, np.full(filled.shape, -1), filled, (), contact)
+        shape = tuple(n - 1 for n in points.shape[:3])
+        return Ground(
+            points=points,
+            halves=_halved(points, 3) + bulge[:, :, None],
+            under=(0, nb),
+            layers=count,
+            zone=np.full(shape, -1),
+            perimeter=np.ones(shape, dtype=bool),
+            zones=(),
+            contact=contact,
+        )
+
+    # layers of rock, from the last of the perimeter (or the contact) to the box
     last = layers[-1]
     extents = {
         "half_width": (rock.half_width, float(np.abs(last[..., 0]).max())),
@@ -133,7 +161,7 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
     points = np.stack(layers, axis=2)
     under = (d.upstream, d.upstream + points.shape[1] - 1)
 
-    # continue the grid (p, b, l) up- and downstream to the ends of the box
+    # rows up- and downstream of the dam, to the ends of the box; they ascend in y
     rows = []
     for start, end, share in (
         (points[:, :1], -rock.upstream, graded(d.upstream, d.growth)[:0:-1]),
@@ -144,19 +172,26 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
         rows.append(row)
     points = np.concatenate([rows[0], points, rows[1]], axis=1)
 
-    # what the contact deviates from straight edges fades towards the outer faces, which are planes
+    # the bulge of the contact goes on in every layer and row, and fades towards the box
     outward = np.concatenate([np.ones(count), 1.0 - graded(d.rock, d.growth)])
     across = np.concatenate(
         [1.0 - graded(d.upstream, d.growth)[:0:-1], np.ones(nb + 1), 1.0 - graded(d.downstream, d.growth)[1:]]
     )
-    bulge = np.pad(
-        _bulge(dam_halves, inner, contact),
-        ((0, 0), (2 * d.upstream, 2 * d.downstream), (0, 0)),
-        mode="edge",
-    )
+    bulge = np.pad(bulge, ((0, 0), (2 * d.upstream, 2 * d.downstream), (0, 0)), mode="edge")
     fading = _halved(across[:, None] * outward, 2)
-    halves = _halved(points, 3) + bulge[:, :, None] * fading[None, :, :, None]
-    return _zoned(rock, points, halves, under, count, contact, location)
+
+    perimeter = np.zeros(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
+    perimeter[:, under[0] : under[1], :count] = True
+    return Ground(
+        points=points,
+        halves=_halved(points, 3) + bulge[:, :, None] * fading[None, :, :, None],
+        under=under,
+        layers=count,
+        zone=_zones(rock, points, ~perimeter, location),
+        perimeter=perimeter,
+        zones=tuple(rock.zones),
+        contact=contact,
+    )
 
 
 def _halved(grid: Floats, axes: int) -> Floats:
@@ -181,20 +216,27 @@ def _bulge(dam_halves: Floats, inner: Floats, contact: Ints) -> Floats:
 
 
 def _stretch(inner: Floats, rays: Floats) -> Floats:
-    """Length along each ray per thickness across the contact, (np + 1,); the larger one at corners."""
+    """Length along each ray per thickness across the contact, (np + 1,): 1 / cos of ray and normal.
+
+    A point lies between two edges of the path, whose normals differ; the greater length is taken.
+    """
     middle = inner.mean(axis=1)
     along = np.diff(middle, axis=0)
     # outward: to the left going down, down going right
     normal = np.stack([along[:, 2], -along[:, 0]], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     ray = rays.mean(axis=1)[:, [0, 2]]
+    # of each edge with the rays at its start and at its end
     cosine = np.abs(np.stack([(normal * ray[:-1]).sum(axis=1), (normal * ray[1:]).sum(axis=1)]))
     least = np.minimum(np.append(cosine[0], np.inf), np.insert(cosine[1], 0, np.inf))
     return 1.0 / np.maximum(least, _FLAT)
 
 
 def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -> Floats:
-    """Points where the rays leave the box; the two rays nearest to its lower edges are turned into them."""
+    """Points (np + 1, nb + 1, 3) where the rays through `inner` leave the box through its sides or bottom.
+
+    The two rays nearest to the lower edges of the box are turned to meet them, so that cells fill it.
+    """
     half, drop = rock.half_width, config.crest - config.base + rock.depth
     with np.errstate(divide="ignore"):
         reach = np.minimum(half / np.abs(rays[..., 0]), drop / np.maximum(-rays[..., 2], 1e-300))
@@ -209,13 +251,18 @@ def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -
 
 
 def graded(count: int, growth: float) -> Floats:
-    """Shares 0 to 1 with sizes that grow by a ratio."""
+    """(count + 1,) ascending shares from 0 to 1, whose steps grow by a ratio."""
     sizes = growth ** np.arange(count)
     return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
 
 
 def refuse_thin(count: int, growth: float, location: str) -> None:
-    """A few layers that grow too fast leave the first ones no thickness: their nodes would coincide."""
+    """Refuse layers that grow so fast that the first ones have no thickness: their nodes would coincide.
+
+    Raises
+    ------
+    ConfigError
+    """
     first = float(graded(count, growth)[1])
     if first < _THIN:
         raise ConfigError(
@@ -224,44 +271,23 @@ def refuse_thin(count: int, growth: float, location: str) -> None:
         )
 
 
-def _zoned(
-    rock: RockConfig,
-    points: Floats,
-    halves: Floats,
-    under: tuple[int, int],
-    layers: int,
-    contact: Ints,
-    location: str,
-) -> Ground:
-    """The ground with the zone of every cell of rock."""
-    shape = tuple(n - 1 for n in points.shape[:3])
-    perimeter = np.zeros(shape, dtype=bool)
-    perimeter[:, under[0] : under[1], :layers] = True
-    corners = [
-        points[i : i + shape[0], j : j + shape[1], k : k + shape[2]] for i, j, k in np.ndindex(2, 2, 2)
-    ]
-    centre = np.mean(corners, axis=0)
-    zone = _zone_of(rock, centre, ~perimeter, location)
-    left_out = (zone < 0) & ~perimeter
-    if left_out.any():
-        x, y, z = centre[left_out][0]
-        raise ConfigError(
-            f"{location}.rock.zones: {int(left_out.sum())} of {int((~perimeter).sum())} cells of rock are "
-            f"in no zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it "
-            "takes the rest"
-        )
-    return Ground(points, halves, under, layers, zone, perimeter, tuple(rock.zones), contact)
+def _zones(rock: RockConfig, points: Floats, rock_cells: Bools, location: str) -> Ints:
+    """Number of the zone of every cell, -1 where there is no rock.
 
-
-def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str) -> Ints:
-    """Number of the zone of every cell, -1 for none: the one with limits along most axes, in whatever order.
+    Of the zones that have a cell's centre, that with limits along most axes takes it, in whatever order they
+    stand.
 
     Raises
     ------
     ConfigError
-        for zones that cover nothing, and for two with as many limits that cover one cell.
+        for zones that cover nothing, two with as many limits that cover one cell, and cells in no zone.
     """
-    names, zone = list(rock.zones), np.full(centre.shape[:-1], -1)
+    shape = rock_cells.shape
+    corners = [
+        points[i : i + shape[0], j : j + shape[1], k : k + shape[2]] for i, j, k in np.ndindex(2, 2, 2)
+    ]
+    centre = np.mean(corners, axis=0)
+    names, zone = list(rock.zones), np.full(shape, -1)
     limits = [sum(limit is not None for limit in (z.x, z.y, z.z)) for z in rock.zones.values()]
     for k in sorted(range(len(names)), key=lambda k: -limits[k]):
         inside, limits_of = rock_cells.copy(), rock.zones[names[k]]
@@ -286,4 +312,12 @@ def _zone_of(rock: RockConfig, centre: Floats, rock_cells: Bools, location: str)
                 "widen it, or remove it"
             )
         zone[covered] = k
+    left_out = (zone < 0) & rock_cells
+    if left_out.any():
+        x, y, z = centre[left_out][0]
+        raise ConfigError(
+            f"{location}.rock.zones: {int(left_out.sum())} of {int(rock_cells.sum())} cells of rock are "
+            f"in no zone, the first around ({x:.4g}, {y:.4g}, {z:.4g}); let one zone have no limits: it "
+            "takes the rest"
+        )
     return zone
