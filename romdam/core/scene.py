@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from romdam.core.arrays import Bools, Floats, Ints
 from romdam.core.motion import ForceSignal
 from romdam.core.scene_effect import SceneEffect
-from romdam.core.system import BlockMatrices, CrackedUplift, LawRows
+from romdam.core.system import CrackedUplift, LawRows
 
 Kind = TypeVar("Kind", bound=SceneEffect)
 
@@ -100,6 +100,42 @@ class FreeField(SceneEffect):
     def inclined(self) -> bool:
         """Tell whether the waves travel at an angle."""
         return any(self.slowness)
+
+
+@dataclass(frozen=True)
+class BlockMatrices:
+    """Matrices of a block that come from a file; its DOFs are 3 * node + component, as those of any block.
+
+    Nodes of the block's mesh come first, then nodes of the file that the mesh has not, then places of three
+    unknowns each for rotations and for coordinates of other kinds, on which no joint acts.
+
+    Attributes
+    ----------
+    K, M : (3 n, 3 n) sparse, symmetric; rows of DOFs that are no unknowns are empty [N/m], [kg]
+    motion : (n, 3) what each DOF is: 0, 1, 2 displacement along x, y, z; 3, 4, 5 rotation about them;
+        6 any other coordinate; -1 no unknown
+    translations : (3 n, 3) displacement in unit translations along x, y, z; coordinates of other kinds follow
+        as K says
+    C : (3 n, 3 n) sparse, in place of Rayleigh damping; None without [N s/m]
+    inertia : (3 n, 3) M r for unit translations r along x, y, z, where it does not follow from M and
+        `translations`; None where it does
+    force : (3 n,) static force that comes with the matrices [N]
+    warnings : what a careful reader should know of them, one sentence each
+    """
+
+    K: csr_matrix
+    M: csr_matrix
+    motion: Ints
+    translations: Floats
+    C: csr_matrix | None
+    inertia: Floats | None
+    force: Floats
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def absent(self) -> Bools:
+        """(n, 3) True where a DOF is no unknown."""
+        return self.motion < 0
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,11 @@
-"""The linear system with its joints open, full or reduced, and what an integration of it returns."""
+"""The linear system with its joints open, full or reduced, and what an integration of it returns.
+
+`System` is M u'' + C u' + K u = force - load s(t) + B^T p, with the jumps w = B u that the joint force p
+follows. The types before it are what its fields hold: the gaps' parameters and the water in them (`GapLaw`,
+`CrackedUplift`), what is known of rest and of construction, the motions s(t) that the load follows
+(`Histories`, `Drive`), supports of their own motion (`PseudoStatic`), and moduli that differ under lasting
+loads (`SustainedStiffness`). `History` is the result of an integration.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags_array, hstack, issparse
 
-from romdam.core.arrays import Bools, Floats, Ints
+from romdam.core.arrays import Bools, Floats
 from romdam.core.attachment import BearingRows
 from romdam.core.errors import ConfigError
 from romdam.core.final_state import FinalState, InitialState
@@ -22,7 +29,7 @@ from romdam.core.recorded import GapQuantities
 
 OPEN, STICK, SLIP = 0, 1, 2  # `History.state`
 STATES = {"open": OPEN, "stick": STICK, "slip": SLIP}
-# of the ledger, see `romdam.timestepping.energy`: what each is
+# term of the energy ledger, see `romdam.timestepping.energy` -> what it is
 ENERGY_TERMS = {
     "input": "work of inertia forces, static loads, moving supports and water that enters gaps",
     "kinetic": "kinetic energy relative to the base and what moving supports carry",
@@ -41,8 +48,8 @@ class LawSource:
 
     Attributes
     ----------
-    name : of the class; of a user's, with its module
-    file : the user's; empty for romdam's own
+    name : of the law's class; of a user's class, with its module
+    file : the user's file; empty for romdam's own laws
     sha256 : of that file, and of what the law takes from elsewhere
     """
 
@@ -72,13 +79,13 @@ class LawRows:
 class CrackedUplift(Protocol):
     """Water in a joint whose pressure follows from its crack at rest.
 
-    Lines through the joint from heel to toe stand side by side; the crack of each ends at a tip, so many
-    metres from the heel: 0 where the heel is closed.
+    Lines through the joint from heel to toe stand side by side. Each has a crack from the heel to a tip. The
+    tip is given by its distance from the heel: 0 where the heel is closed.
     """
 
     @property
     def redrawn(self) -> bool:
-        """Whether the pressure at rest follows from the tips; else it is that of the closed joint."""
+        """Whether the pressure at rest is computed from the tips; else it is that of the closed joint."""
         ...
 
     @property
@@ -97,17 +104,17 @@ class CrackedUplift(Protocol):
         ...
 
     def tips(self, opening: Floats, is_open: Bools, rigid: Bools) -> Floats:
-        """(lines,) tips of the crack.
+        """(lines,) distance of the crack's tip from the heel on each line [m].
 
         Parameters
         ----------
         opening : (n,) of the gaps, negative where springs are pressed in [m]
-        is_open, rigid : (n,) gaps that carry nothing, and those that have no springs
+        is_open, rigid : (n,) gaps that carry no force, and those that have no springs
         """
         ...
 
     def at_gaps(self, tips: Floats) -> Floats:
-        """(n,) tips on the lines through the gaps [m]."""
+        """(n,) distance of the tip on the line through each gap, from those of the lines (lines,) [m]."""
         ...
 
     def in_crack(self, tips: Floats) -> Bools:
@@ -129,11 +136,11 @@ class RestUplift:
 
     Attributes
     ----------
-    added : (ng,) force of the water in the gaps at rest, more than that of the scene's closed joints [N]
+    added : (ng,) force of the water in the gaps at rest, less that of the scene's closed joints [N]
     crack : (ng,) distance of the crack's tip from the heel on the line through each gap, 0 where the heel is
         closed; NaN in joints whose uplift is not redrawn [m]
     iterations : equilibria that were solved until uplift and crack agreed
-    change : by which the last still moved a tip, of its line
+    change : how far the last equilibrium still moved a tip, relative to the length of its line
     warnings : what a careful reader should know, one sentence each
     """
 
@@ -146,7 +153,7 @@ class RestUplift:
 
 @dataclass(frozen=True)
 class RestBalance:
-    """Resultants of the forces on the dam and its blocks at rest, and what they leave.
+    """Resultants of the forces on the dam and its blocks at rest, and how far they are out of balance.
 
     A resultant is (force along x, y, z [N], moment about x, y, z through `about` [N m]). Blocks that are tied
     are one body; the dam stands first, with all blocks that are no rock.
@@ -157,7 +164,8 @@ class RestBalance:
     about : (k, 3) middle of each [m]
     loads, joints, supports : (k, 6) of the static loads; of the joints, with the water in them; of supports
         and springs
-    left : (k,) what is left, of the forces that act on the body; moments over its half diagonal
+    left : (k,) largest component of the resultant that nothing takes, relative to the forces that act on the
+        body; moments are divided by the half diagonal of the body
     """
 
     names: tuple[str, ...]
@@ -176,8 +184,8 @@ class ConstructionPlan:
     ----------
     names : of the stages
     force : (n, stages) static force at the end of each [N]
-    present : (stages, ng) gaps both of whose blocks are there
-    grouted : (stages, ng) gaps that are grouted at its end
+    present : (stages, ng) gaps both of whose blocks are built
+    grouted : (stages, ng) gaps that are grouted at the end of the stage
     """
 
     names: tuple[str, ...]
@@ -194,9 +202,9 @@ class BuiltStages:
     ----------
     names : of the stages
     opening : (stages, ng) of the gaps since their blocks were poured, or since they were grouted; NaN where a
-        block is not there [m]
-    force : (stages, ng) normal force, compression positive, 0 where a block is not there [N]
-    grouted : (stages, ng) gaps that are grouted then
+        block is not built [m]
+    force : (stages, ng) normal force, compression positive, 0 where a block is not built [N]
+    grouted : (stages, ng) gaps that are grouted at the end of the stage
     """
 
     names: tuple[str, ...]
@@ -251,7 +259,7 @@ class GapLaw:
 
     @property
     def remembers(self) -> bool:
-        """Tell whether grouting left slip behind, or broke what further laws keep."""
+        """Tell whether grouting left slip behind, or changed the memory of further laws."""
         return bool(len(self.slipped) or self.memory.size)
 
     def gap_name(self, gap: int) -> str:
@@ -265,44 +273,10 @@ class GapLaw:
         return len(self.gap)
 
 
-@dataclass(frozen=True)
-class BlockMatrices:
-    """Matrices of a block that come from a file; its DOFs are 3 * node + component, as those of any block.
-
-    Nodes of the block's mesh come first, then nodes of the file's that the mesh has not, then places, three
-    unknowns each, for rotations and for coordinates of other kinds, which no joint sees.
-
-    Attributes
-    ----------
-    K, M : (3 n, 3 n) sparse, symmetric; rows of DOFs that are no unknowns are empty [N/m], [kg]
-    motion : (n, 3) what each DOF is: 0, 1, 2 displacement along x, y, z; 3, 4, 5 rotation about them;
-        6 any other coordinate; -1 no unknown
-    translations : (3 n, 3) displacement in unit translations along x, y, z; coordinates of other kinds follow
-        as K says
-    C : (3 n, 3 n) sparse, in place of Rayleigh damping; None without [N s/m]
-    inertia : (3 n, 3) M r for unit translations r along x, y, z, where M does not tell; None where it does
-    force : (3 n,) static force that comes with the matrices [N]
-    warnings : what a careful reader should know of them, one sentence each
-    """
-
-    K: csr_matrix
-    M: csr_matrix
-    motion: Ints
-    translations: Floats
-    C: csr_matrix | None
-    inertia: Floats | None
-    force: Floats
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def absent(self) -> Bools:
-        """(n, 3) True where a DOF is no unknown."""
-        return self.motion < 0
-
-
 Complex = NDArray[np.complex128]
 Rates = Callable[[Floats], tuple[Complex, Complex]]
-"""Acceleration [1/s2] and velocity [1/s] of a unit displacement that goes around by given angles a step."""
+"""An integrator's acceleration [1/s2] and velocity [1/s] for the unit displacement exp(i k angle) at steps k,
+of given angles (nf,); exact ones are -omega^2 and i omega with omega = angle / dt."""
 
 
 @dataclass(frozen=True)
@@ -322,12 +296,13 @@ class Histories:
 
 
 class Drive(Protocol):
-    """What makes further motions from those that there are, such as waves from the base's acceleration."""
+    """Makes further motions from those that there are, such as waves from the base's acceleration."""
 
     @property
     def whole_record(self) -> bool:
-        """Whether a part of the record does not tell it, and nothing beyond the record's Nyquist frequency
-        may be in the base's acceleration.
+        """Whether its motions at any time follow from the whole record and not from the part up to that time.
+
+        Then the base's acceleration may have nothing beyond the record's Nyquist frequency.
         """
         ...
 
@@ -344,17 +319,18 @@ class Drive(Protocol):
 
 @dataclass(frozen=True)
 class PseudoStatic:
-    """Motion with supports of their own motion: u_s d(t), which the system's displacement is added to.
+    """Pseudo-static part u_s d(t) of the motion where supports have motions of their own.
 
-    u_s is the static answer, joints open, to unit displacements of the supports, d their motion against the
-    base along x, y and z of each. It strains blocks and opens gaps at once; its acceleration is a load.
+    The motion relative to the base is u_s d(t) + u, with u the displacement of the system. u_s is the static
+    response, joints open, to unit displacements of the supports; d is their displacement relative to the
+    base, along x, y and z of each. It strains blocks and opens gaps at once; its acceleration is a load on u.
 
     Attributes
     ----------
     motions : of the supports
     shapes : block name -> u_s, (3 nodes, m)
-    jump : (directions * ng, m) jumps of it that joint forces see
-    at_point : (directions * ng, m) what jumps at the gaps' positions are more; None where nothing
+    jump : (directions * ng, m) B u_s
+    at_point : (directions * ng, m) jumps at the gaps' positions less `jump`; None where they are the same
     observe : (rows of `System.observe`, m) what is observed of it
     stiffness : (m, m) u_s^T K u_s, of its strain energy [N/m]
     incoherence : random part of the motions; None without
@@ -382,15 +358,15 @@ class PseudoStatic:
 
 @dataclass(frozen=True)
 class SustainedStiffness:
-    """Stiffness under loads that last, where that of the record is another.
+    """Stiffness under loads that last, where it is another than during the record.
 
-    At rest (K + more) u_s = force + B^T p. The record adds K (u - u_s), so that with the force -more u_s
-    beside the others u_s is an equilibrium of the system that is shaken, too.
+    At rest (K + more) u_0 = force + B^T p. During the record K (u - u_0) is added to it, which is
+    K u = force - more u_0 + B^T p: with the force -more u_0, u_0 is an equilibrium of the shaken system too.
 
     Attributes
     ----------
-    more : (n, n) sparse, what it is more than K of the system [N/m]
-    rest : (n,) u_s, whose force -more u_s is then in `System.force`; None before the state at rest is known
+    more : (n, n) sparse, stiffness under lasting loads less K of the system [N/m]
+    rest : (n,) u_0, whose force -more u_0 is then in `System.force`; None before the state at rest is known
     """
 
     more: csr_matrix
@@ -398,17 +374,18 @@ class SustainedStiffness:
 
     @property
     def force(self) -> Floats:
-        """(n,) -more u_s, zero before u_s is known [N]."""
+        """(n,) -more u_0, zero before u_0 is known [N]."""
         return np.zeros(self.more.shape[0]) if self.rest is None else np.asarray(-(self.more @ self.rest))
 
 
 @dataclass(frozen=True)
 class System:
-    """M u'' + C u' + K u = force - load s(t) + B^T p, jumps w = B u, with s(t) the ground's acceleration.
+    """M u'' + (C - D D^T) u' + K u = force - load s(t) + B^T p, with jumps w = B u.
 
-    The same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model
-    (unit M, diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says
-    which integrators apply. Unknowns without mass, whose M is zero, answer by their stiffness at once.
+    s(t) is the base's acceleration along x, y, z and what other motions the load follows (`motions`). The
+    same type holds the unreduced mesh (sparse M, C, K over its free DOFs) and the reduced model (unit M,
+    diagonal K over the open-joint modes, and C too unless dashpots couple them); `diagonal` says which
+    integrators apply. Unknowns without mass, whose M is zero, follow by stiffness and damping alone.
 
     Attributes
     ----------
@@ -420,30 +397,30 @@ class System:
         at once
     observe : (3 * number of probes + k, n) sparse; displacement of the probes, x, y, z each, and what
         attachments are stretched by (`bearing`)
-    at_point : (directions * ng, n) sparse; what the jump at the gaps' positions is more than B's, which is
-        conjugate to the joint force; None where it is the same
-    point_shift : (directions * ng,) what grouting has taken off the jump at the gaps' positions beside that
-        of B; None where nothing
+    at_point : (directions * ng, n) sparse; the jump at the gaps' positions less that of B, which is conjugate
+        to the joint force; None where they are the same
+    point_shift : (directions * ng,) added to `at_point` u, because grouting closes the two jumps by different
+        amounts; None where nothing is added [m]
     law : the gaps
     parts : name -> slice of the unknowns that belong to it alone, in order (one per block)
     diagonal : whether M is the identity (zero where there is no mass) and C, K are diagonal
-    floating : whether the system has motions that no support and no stiffness holds
+    floating : whether the system has rigid motions that no support and no stiffness holds
     reduced : whether the unknowns are reduced coordinates, whose histories are kept
     motions : motion -> the columns of the load that follow it, in order; the base's acceleration is first
     drives : what makes motions that are not of a run's ground motion, in the order in which they act
-    gyroscopic : whether C is skew between dam and water, where it does no work; B does not see the water
+    gyroscopic : whether C is skew between dam and water, where it does no work; B is zero on the water
     pseudo_static : what supports that do not move as the base does add to the displacement u, and so to jumps
-        and what is observed; None without
+        and to what is observed; None without
     signals : sizes of forces that vary in time, in the order of their columns of the load
     drag : (n, k) D: the damping is C - D D^T, which does not act on rigid motions that joints alone hold and
         as a matrix would be full; None where C is all of it
     uplift : water in cracked joints that is in `force`; None where no joint's follows from its crack
     initial : state of another run that runs begin with; None where they begin as `Settings` say
-    construction : stages that it is still to go through; None without, and once it has
+    construction : stages that the system is still to go through; None without, and once it has
     built : the joints in the stages that it has gone through; None without
     extent : size of the mesh, beyond which nothing moves in a sound run; inf where there is none [m]
     bearing : attachments whose forces are recorded; None without any
-    sustained : stiffness under loads that last; None where K is that of all
+    sustained : stiffness under loads that last; None where it is K
     hysteretic : (n, n) sparse, imaginary part of the stiffness at positive frequencies, which only the
         frequency domain knows [N/m]; None without
     """
@@ -494,7 +471,7 @@ class System:
         return replace(self, K=K, force=self.force - moved, diagonal=uncoupled, sustained=None)
 
     def rested(self, rest: Floats) -> System:
-        """The system that is shaken about a state at rest, displacement (n,)."""
+        """The system that is shaken about a state at rest, displacement (n,) [m]."""
         if self.sustained is None:
             return self
         sustained = replace(self.sustained, rest=rest)
@@ -502,7 +479,7 @@ class System:
         return replace(self, force=force, sustained=sustained)
 
     def more_at_points(self, u: Floats) -> Floats:
-        """What the jumps (directions * ng,) at the gaps' positions are more than those of B, for u (n,)."""
+        """Jumps at the gaps' positions less those of B, (directions * ng,) for u (n,) [m]."""
         assert self.at_point is not None
         more = self.at_point @ u
         return np.asarray(more if self.point_shift is None else more + self.point_shift)
@@ -514,16 +491,16 @@ class System:
 
     @property
     def solids(self) -> int:
-        """Number of unknowns of the solids, which those of water with waves stand behind."""
+        """Number of unknowns of the solids; those of compressible water come after them."""
         return self.parts["reservoir"].start if self.gyroscopic else self.size
 
     @property
     def effective_ratios(self) -> Floats:
         """(2, n) frequency [Hz] and damping ratio phi^T C phi / (2 omega phi^T M phi) of each unknown.
 
-        Of a reduced system, whose unknowns phi are modes without damping; hysteretic damping has the C that
-        takes the same energy at the mode's frequency, K_h / omega. Ratios are NaN of rigid motions,
-        and both are of unknowns without mass and of water with waves.
+        Of a reduced system, whose unknowns phi are undamped modes. Hysteretic damping counts as the C that
+        takes the same energy at the mode's frequency, K_h / omega. The ratio of a rigid motion is NaN, and
+        both are for unknowns without mass and for compressible water.
         """
         M, K = self.M.diagonal()[: self.solids], self.K.diagonal()[: self.solids]
         freq, ratio = np.full((2, self.size), np.nan)
@@ -538,7 +515,7 @@ class System:
 
     @property
     def as_hysteretic(self) -> System:
-        """The system whose damping matrix is the imaginary part of its stiffness, in its place."""
+        """The system whose C is taken as the imaginary part of the stiffness, and no longer as damping."""
         return replace(self, C=csr_matrix(self.C.shape), hysteretic=self.C)
 
     def damping_force(self, rate: Floats) -> Floats:
@@ -548,7 +525,7 @@ class System:
 
     @property
     def needs_whole_record(self) -> bool:
-        """Tell whether a part of a record does not tell what drives the system in that part."""
+        """Tell whether motions of a drive follow from the whole record alone, see `Drive.whole_record`."""
         return any(drive.whole_record for drive in self.drives)
 
     def histories(self, ground: Floats, dt: float, rates: Rates) -> Histories:
@@ -565,11 +542,11 @@ class System:
         return histories
 
     def followed(self, rows: Mapping[Motion, Floats]) -> Floats:
-        """(k, nt) what the columns of the load follow."""
+        """s(t), (k, nt), from all motions by name."""
         return np.concatenate([rows[motion] for motion in self.motions])
 
-    def inertial(self, ground: Floats) -> Floats:
-        """(k, nt) what the columns of the load follow where nothing drives the system besides."""
+    def load_motion(self, ground: Floats) -> Floats:
+        """s(t), (k, nt), of a run's ground motion, for a system without drives."""
         return self.followed(self._ground_motions(ground))
 
     def forces(self, ground: Floats) -> Floats:
@@ -577,7 +554,7 @@ class System:
         return self._ground_motions(ground).get(Motion.FORCES, ground[:0])
 
     def shaking(self, ground: Floats) -> Floats:
-        """(k, nt) the accelerations among what `inertial` gives: all but forces that vary in time."""
+        """The accelerations in `load_motion`, (k, nt): all of it but forces that vary in time."""
         rows = self._ground_motions(ground)
         return np.concatenate([rows[motion] for motion in self.motions if motion is not Motion.FORCES])
 
@@ -586,7 +563,7 @@ class System:
         return {motion: ground[rows] for motion, rows in ground_rows(supports, len(self.signals)).items()}
 
     def loaded(self, more: Mapping[Motion, Floats | csr_matrix]) -> System:
-        """The system with further loads, (n, k) each, added to those that follow the same motion."""
+        """The system with further loads, (n, k) each, added to the columns that follow the same motion."""
         columns = {motion: self.load[:, columns] for motion, columns in self.motions.items()}
         for motion, force in more.items():
             columns[motion] = columns[motion] + force if motion in columns else force
@@ -603,7 +580,7 @@ def with_parameters(system: System, law: GapLaw, damping: tuple[Floats, Floats] 
     Parameters
     ----------
     damping : modal coefficients c [1/s] of the solids' modes, (m,) before and (m,) after; None to keep the
-        system's own. What damps besides stays
+        system's. Damping of other origin, such as dashpots, stays
 
     Raises
     ------
@@ -646,7 +623,7 @@ class Coordinates:
 
     @classmethod
     def of(cls, q: Floats, v: Floats) -> Coordinates:
-        """Those that are there already, (nt, n) each."""
+        """Coordinates from histories that are in memory, (nt, n) each."""
         return cls(lambda rows: (q[rows], v[rows]))
 
     @cached_property
@@ -679,7 +656,7 @@ class StepMotion:
 
 @dataclass(frozen=True)
 class History(GapQuantities):
-    """Result of an integration, at the times that were asked for: what is recorded of the gaps, and the rest.
+    """Result of an integration at the written times; what is recorded of the gaps is in `GapQuantities`.
 
     Attributes
     ----------
@@ -696,17 +673,18 @@ class History(GapQuantities):
         when [s]
     stats : counts and CPU seconds of the run
     integrator : key of `romdam.core.integrators.INTEGRATORS`
-    gap : (ng,) initial gaps that it began with, after grouting [m]
+    gap : (ng,) initial gaps that the run began with, after grouting [m]
     ground : (nt, 3) ground acceleration of the base that was integrated [m/s2]
     ground_peak : (3,) its largest value over all steps, either sign [m/s2]
     forces : (nt, k) forces that vary in time, see `ForceSignal`; empty without any [N]
     warnings : what a careful reader should know and no number says, one sentence each
     final : the last state, from which another run can begin; None where rows are of the jumps alone
     every_step : motion of the output nodes at every base step; None where it was not asked for
-    uplift, built : as of the system
+    uplift, built : as of `System`
     attached : (nt, k) force of each row of attachments, see `BearingRows`; empty without any [N]
     attached_peaks : (2, k) least and largest of it over every base step; dashpots over the written rows [N]
-    rest : (n,) displacement of the unknowns at rest where moduli of the record are others; empty elsewhere
+    rest : (n,) displacement at rest, where moduli under lasting loads are others (`SustainedStiffness`); else
+        empty [m]
     modes : (2, n) frequency [Hz] and effective damping ratio of each unknown of a reduced system, see
         `System.effective_ratios`; empty at full order
     balance : of the forces at rest; None where the run does not begin there

@@ -13,8 +13,8 @@ from test_massless import raw_block_on_rock
 from romdam.config import parse_config
 from romdam.config.load import Job
 from romdam.config.sections.job import DampingConfig, RayleighConfig
+from romdam.core.scene import BlockMatrices
 from romdam.core.sealed import reading
-from romdam.core.system import BlockMatrices
 from romdam.effects.full_order import assemble_full
 from romdam.export.matrices import write
 from romdam.fem.assembly import assemble

@@ -16,8 +16,8 @@ from test_massless import MU, G, block_on_rock, pulse, raw_block_on_rock
 
 from romdam.config.sections.job import DampingConfig, ModelConfig, RayleighConfig
 from romdam.core.arrays import Floats
-from romdam.core.scene import Absorbing, Scene
-from romdam.core.system import BlockMatrices, System
+from romdam.core.scene import Absorbing, BlockMatrices, Scene
+from romdam.core.system import System
 from romdam.effects.full_order import assemble_full
 from romdam.error.replay import step_factor
 from romdam.fem.assembly import assemble

@@ -16,8 +16,15 @@ from romdam.core.errors import ConfigError, MeshError
 from romdam.core.final_state import InitialState
 from romdam.core.known import refuse_unknown, refuse_unknown_kinds
 from romdam.core.motion import MovingSupports
-from romdam.core.scene import Block, ConstructionStage, ForceHistory, FreeField, Reservoir, Scene
-from romdam.core.system import BlockMatrices
+from romdam.core.scene import (
+    Block,
+    BlockMatrices,
+    ConstructionStage,
+    ForceHistory,
+    FreeField,
+    Reservoir,
+    Scene,
+)
 from romdam.geometry.matrices.checks import Checked, check_matrices
 from romdam.geometry.matrices.data import MatrixUnknowns
 from romdam.geometry.matrices.files import FileMatrices, read_matrices

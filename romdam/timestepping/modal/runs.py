@@ -128,7 +128,7 @@ def _arrays(
 ) -> Arrays:
     """Everything that the hot loop needs, at its beginning; the first row of every run is written."""
     steps, shift, stride = settings.steps, settings.shift, settings.steps.stride
-    shaken = [prepared.system.inertial(ground).any(axis=1) for prepared, ground in batch]
+    shaken = [prepared.system.load_motion(ground).any(axis=1) for prepared, ground in batch]
     active = np.flatnonzero(np.any(shaken, axis=0))
     variants = list(dict.fromkeys(simulation.prepared for simulation in batch))
     prepared = variants[0]
@@ -172,7 +172,7 @@ def _arrays(
         clock=np.zeros(len(batch), CLOCK),
         failed=np.zeros(len(batch), dtype=np.bool_),
         acc=np.ascontiguousarray(
-            np.concatenate([one.system.inertial(ground)[active] for one, ground in batch], axis=1)
+            np.concatenate([one.system.load_motion(ground)[active] for one, ground in batch], axis=1)
         ),
         supports=np.ascontiguousarray(np.concatenate(supports, axis=1)),
         memory=memory,
@@ -386,7 +386,7 @@ def _outcomes(
             continue
         mass_left = 0.0  # largest share of the effective mass, over the shaken directions, that does not move
         if not split.follows_ground:
-            shaken = system.inertial(ground).any(axis=1)
+            shaken = system.load_motion(ground).any(axis=1)
             mass = np.asarray(system.load)[:, shaken] ** 2
             whole = mass.sum(axis=0)
             shares = mass[split.quasi_static].sum(axis=0) / np.where(whole > 0.0, whole, 1.0)
@@ -410,12 +410,12 @@ def _outcomes(
             "loop_cpu_seconds": loop * (steps_tried[run] / max(steps_tried.sum(), 1.0)),
             "batch": float(len(batch)),
         }
-        acc = system.inertial(ground)[:, : runs.last[run] + 1 : buffer.stride]
+        acc = system.load_motion(ground)[:, : runs.last[run] + 1 : buffer.stride]
         written = at(buffer.rows, slice(runs.rows[run], runs.rows[run] + acc.shape[1]))
         history = history_of_rows(prepared, model, split, written, acc, settings)
         if len(buffer.node_disp):
             samples = slice(runs.samples[run], runs.samples[run] + runs.last[run] + 1)
-            follows = system.inertial(ground).T.copy()
+            follows = system.load_motion(ground).T.copy()
             follows[0] = 0.0  # as in the rows
             between = buffer.node_disp[samples] + Observed.of(prepared, split, "observe").more(follows)
             between[0] = history.disp[0]
