@@ -98,7 +98,7 @@ def sites_and_history():
 def test_summary_is_that_of_the_whole_histories(monkeypatch):
     import romdam.postprocess.stress.summary as module
 
-    monkeypatch.setattr(module, "_PART", 80)  # two nodes at a time
+    monkeypatch.setattr(module, "_TENSORS", 80)  # two nodes at a time
     sites, history = sites_and_history()
     time = np.arange(40) * 0.5
     found = summarise(sites, history, time)

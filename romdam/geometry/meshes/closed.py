@@ -1,4 +1,14 @@
-"""Check that the elements of a block fill one body: faces that pair, and none that lies inside it."""
+"""Check that the elements of a block fill a body without overlap, and without cracks that no joint knows of.
+
+In a sound mesh every face of an element is of one of two kinds. Either exactly one other element has the same
+nodes on it, from its other side (the two faces pair), or no element is across it (it is free, a part of the
+body's surface). So three things are checked:
+
+1. No face belongs to more than two elements, and two that pair are seen from opposite sides, with the same
+   mid-edge nodes.
+2. No element is across a free face: points slightly outside of it lie in no element of the block.
+3. The free faces close: the volume that they enclose is that of the elements.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +30,11 @@ from romdam.geometry.facets import (
 from romdam.geometry.meshes.kinds import facets_by_kind, frame, kinds_of
 from romdam.geometry.nearest import tree
 
-_AWAY = 1e-3  # of a face's size: how far outside of it nothing may be
+_AWAY = 1e-3  # of a face's size: how far outside of a free one no element may be
 _NEAR_CORNER = 0.9  # of the way from a face's centre to its corners: where that is looked at
-_INSIDE = 1e-6  # of the reference element: margin of being inside
+_INSIDE = 1e-6  # of the reference element: a point is inside from this depth on
 _PAIRS = 1_000_000  # of a point and an element, at a time
-# how far out of an element each step to a point's coordinates in it may lead
+# how far out of the reference element each Newton step may lead, for the point to be followed any further
 _FOLLOWED = (1.0, 0.3, 0.1, *[0.03] * 9)
 _CONVERGED = 1e-9  # step in the reference element
 _STRAIGHT = 1e-6  # of the longest edge: nodes so near to the middle of their corners leave edges straight
@@ -34,10 +44,7 @@ _VOLUME = 1e-8  # relative difference of the volume by elements and by faces tha
 
 
 def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
-    """Raise if faces do not pair, one lies inside the block, or the faces' volume is not the elements'.
-
-    An element is across every face or none is. Where one is across that does not share the face (a crack that
-    no joint knows of, nodes that hang, elements that overlap), a point slightly outside the face is in it.
+    """Raise unless all faces of a block's elements pair or are free, and the free ones close.
 
     Parameters
     ----------
@@ -51,6 +58,7 @@ def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
     Raises
     ------
     MeshError
+        for what the module lists, with how many faces and where the first is.
     """
     faces = _Faces(block)
     faces.refuse_unpaired(location)
@@ -67,6 +75,7 @@ def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
         )
         at = block.points[free[np.argmax(inside)]].mean(axis=0)
         raise _error(block, at, int(inside.sum()), what, location)
+    # V = 1/3 int x . n dA; the rules of curved elements integrate neither volume nor faces exactly
     arms = block.points[free] - block.points.mean(axis=0)
     flux = float(np.einsum("fjk,fjk->", area_vectors(block.points, free), arms))
     if abs(flux / 3.0 - volume) > _VOLUME * volume and not frame(block.element).quadratic:
@@ -78,15 +87,23 @@ def refuse_bad_faces(block: Block, volume: float, location: str) -> int:
 
 
 class _Faces:
-    """All faces of a block's elements, and which of them coincide."""
+    """All faces of a block's elements, and which of them coincide.
+
+    Attributes
+    ----------
+    block : the block
+    rows : (nf, nodes per facet) of every element's faces, one element after another
+    cell : (nf,) their elements
+    order : (nf,) numbers of the faces, those that coincide side by side
+    start, count : where in `order` each set of coinciding faces begins, and how many it has
+    """
 
     def __init__(self, block: Block) -> None:
         self.block = block
         self.rows, self.cell = all_facets(block.cells, block.element)
         keys = row_numbers(facet_keys(self.rows[:, : ELEMENTS[frame(block.element).facet].corners]))
         self.order = np.argsort(keys, kind="stable")
-        _, start, self.count = np.unique(keys[self.order], return_index=True, return_counts=True)
-        self.start = start
+        _, self.start, self.count = np.unique(keys[self.order], return_index=True, return_counts=True)
 
     @property
     def free(self) -> Ints:
@@ -95,7 +112,7 @@ class _Faces:
 
     @property
     def pairs(self) -> tuple[Ints, Ints]:
-        """Faces that coincide."""
+        """Numbers of the faces that pair, (np,) and (np,)."""
         first = self.start[self.count == 2]
         return self.order[first], self.order[first + 1]
 
@@ -107,18 +124,28 @@ class _Faces:
         return int(connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(size, size)), False)[0])
 
     def refuse_unpaired(self, location: str) -> None:
-        """Raise if a face is shared by more than two elements, or by two on the same side of it."""
+        """Raise if a face is shared by more than two elements, by two on the same side, or not as a whole."""
         many = self.order[self.start[self.count > 2]]
         if len(many):
             raise self._error(many, "belong to more than two elements: elements overlap", location)
         a, b = self.pairs
         for rows, facet_nodes, columns in facets_by_kind(self.rows[a]):
-            self._refuse_turned(a[rows], (facet_nodes, self.rows[b[rows]][:, columns]), location)
+            self._refuse_same_side(a[rows], facet_nodes, self.rows[b[rows]][:, columns], location)
 
-    def _refuse_turned(self, a: Ints, facets: tuple[Ints, Ints], location: str) -> None:
-        c = facet_element(facets[0]).corners
-        turned = []  # so that the lowest corner comes first, the mid-edge nodes with it
-        for rows in facets:
+    def _refuse_same_side(self, faces: Ints, of_first: Ints, of_other: Ints, location: str) -> None:
+        """Raise unless pairs of faces have their nodes in opposite order.
+
+        Seen from outside of its element, a face has its c corners counterclockwise: v0 v1 v2 v3. Its partner
+        has them as v0 v3 v2 v1, and the middles of its edges in reverse order.
+
+        Parameters
+        ----------
+        faces : (np,) numbers of the first of each pair
+        of_first, of_other : (np, nodes) corners, middles of edges, middle, as far as there are any
+        """
+        c = facet_element(of_first).corners
+        turned = []  # both begin with their lowest corner; the ring of mid-edge nodes turns along
+        for rows in (of_first, of_other):
             turn = (np.argmin(rows[:, :c], axis=1)[:, None] + np.arange(c)) % c
             rings = range(0, rows.shape[1] - c + 1, c)
             nodes = [np.take_along_axis(rows[:, k : k + c], turn, 1) for k in rings]
@@ -127,11 +154,11 @@ class _Faces:
         opposed = (first[:, 1:c] == other[:, c - 1 : 0 : -1]).all(axis=1)
         if not opposed.all():
             what = "have both their elements on the same side, or are cut otherwise by them"
-            raise self._error(a[~opposed], what, location)
+            raise self._error(faces[~opposed], what, location)
         agree = (first[:, c : 2 * c] == other[:, c : 2 * c][:, ::-1]).all(axis=1)
         agree &= (first[:, 2 * c :] == other[:, 2 * c :]).all(axis=1)
         if not agree.all():
-            raise self._error(a[~agree], "have other mid-edge nodes in each of their elements", location)
+            raise self._error(faces[~agree], "have other mid-edge nodes in each of their elements", location)
 
     def _error(self, faces: Ints, what: str, location: str) -> MeshError:
         return _error(
@@ -149,7 +176,7 @@ def _error(block: Block, at: Floats, count: int, what: str, location: str) -> Me
 
 
 def _just_outside(points: Floats, facets: Ints) -> Floats:
-    """Points off the middle and the corners of every facet, (nf, corners + 1, 3)."""
+    """Points slightly outside of every facet, at its middle and near its corners, (nf, corners + 1, 3)."""
     element = facet_element(facets)
     corner = element.nodes[: element.corners]
     centre = corner.mean(axis=0)
@@ -162,30 +189,34 @@ def _just_outside(points: Floats, facets: Ints) -> Floats:
 
 
 def _any_cell_has(block: Block, points: Floats) -> Bools:
-    """True for each point inside an element."""
+    """True for each point inside an element.
+
+    Points meet the elements whose boxes they are in. Boxes of like size are searched together: a point is no
+    farther from the middle of its box than half the diagonal.
+    """
     inside = np.zeros(len(points), dtype=bool)
     low, high = block.points.min(axis=0), block.points.max(axis=0)
     near = np.flatnonzero(((points > low) & (points < high)).all(axis=1))
     if not len(near):
         return inside
     for element, _, cells in kinds_of(block.element, block.cells):
-        # of straight cells the corners are enough
+        # straight cells have the geometry of their corners, which takes fewer nodes
         nodes, linear = block.points[cells], ELEMENTS[element.linear]
         corners = nodes[:, : element.corners]
         off = nodes[:, element.corners :] - linear.shape(element.nodes[element.corners :]) @ corners
         longest = np.abs(np.diff(nodes[:, np.array(element.edges)], axis=2)).max()
         if np.abs(off).max(initial=0.0) <= _STRAIGHT * longest:
             nodes, element = corners, linear
-        # curved cells bulge beyond the box of their corners by what middle nodes are off, at most as often as
-        # the functions of these add up to
+        # curved cells bulge beyond the box of their corners: by what middle nodes are off, times what their
+        # shape functions add up to
         bulge = _BULGE * np.abs(off).max(axis=1, initial=0.0) if element.quadratic else 0.0
         lowest, highest = corners.min(axis=1) - bulge, corners.max(axis=1) + bulge
         middle, reach = (lowest + highest) / 2.0, np.linalg.norm(highest - lowest, axis=1) / 2.0
-        scale = np.ceil(np.log2(reach))
+        scale = np.ceil(np.log2(reach))  # powers of two, by which boxes are of like size
         for size in np.unique(scale):
             cells_of_size = np.flatnonzero(scale == size)
             by_middle = tree(middle[cells_of_size])
-            # groups of points with so many pairs of a point and a cell near it as memory takes
+            # groups of points, each of as many pairs of a point and a cell as memory takes
             count = by_middle.query_ball_point(points[near], 2.0**size, return_length=True)
             ends = np.flatnonzero(np.diff(np.cumsum(count) // _PAIRS)) + 1
             for group in np.split(near, ends):
@@ -200,17 +231,20 @@ def _any_cell_has(block: Block, points: Floats) -> Bools:
 
 
 def _inside(points: Floats, nodes: Floats, element: Element) -> Bools:
-    """True for each point (p, 3) in its element with nodes (p, nn, 3), by Newton's method.
+    """True for each point (p, 3) in its element with nodes (p, nn, 3).
 
-    The first step is exact for a straight tetrahedron; points that a step takes far out of the reference
-    element are not followed any further.
+    Newton's method solves x(xi) = point for the coordinates xi in the reference element. The first step is
+    exact for a straight tetrahedron. Points that a step takes far out of the reference element are not
+    followed any further.
     """
     inside = np.zeros(len(points), dtype=bool)
     left = np.arange(len(points))
+    # one row: all start from the same xi
     xi = np.tile(element.nodes[: element.corners].mean(axis=0), (min(len(points), 1), 1))
     for far in _FOLLOWED:
         at = np.matmul(element.shape(xi)[:, None], nodes[left])[:, 0]
         J = np.matmul(element.gradient(xi), nodes[left])
+        # the inverse of J = dx/dxi (axes of xi in rows) by cross products of its rows
         cross = np.cross(J[:, [1, 2, 0]], J[:, [2, 0, 1]])
         away = (points[left] - at)[:, :, None]
         with np.errstate(all="ignore"):

@@ -1,6 +1,16 @@
 """Stress over time at the nodes asked for: envelopes, fields at the worst step, durations above the strength.
 
-Everything is made in one pass over parts of the nodes, so that whole histories of many nodes are never held.
+The stress of a node is linear in the reduced coordinates, sigma(t) = S q(t) + sigma_0. Histories are rebuilt
+for some nodes at a time and summarised at once, so that whole histories of many nodes are never held. Fields
+at the worst steps are rebuilt afterwards, because the steps are known only then.
+
+Principal stresses follow in closed form, with s the deviator of sigma (`principal_stresses`):
+
+    sigma_k = m + 2 r cos(theta + 2 pi k / 3),   k = 0, 2, 1 from major to minor,
+    m = tr(sigma) / 3,   r^2 = s : s / 6,   cos(3 theta) = det s / (2 r^3).
+
+With theta from 0 to pi / 3 the major one lies between m + r and m + 2 r, and the minor one between m - 2 r
+and m - r. These bounds cost much less than the arc cosine, and mostly they are enough (`outer_histories`).
 """
 
 from __future__ import annotations
@@ -18,10 +28,10 @@ from romdam.core.scene import StressNodes, StressSites
 from romdam.core.threads import side_by_side
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))  # row and column of each component in the tensor
 MEASURES = ("principal", "vertical", "arch")
-DCR_LEVELS = np.round(np.arange(1.0, 2.01, 0.1), 1)
-_PART = 1 << 16  # tensors at a time, whose 3 MB and intermediate results stay in a processor's cache
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
+DCR_LEVELS = np.round(np.arange(1.0, 2.01, 0.1), 1)  # ratios of demand to capacity (the tensile strength)
+_TENSORS = 1 << 16  # at a time: their 3 MB and intermediate results stay in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -30,8 +40,8 @@ class StressHistory:
 
     Attributes
     ----------
-    fields : block -> (k, 6, m) stress of every reduced coordinate at its stress nodes; empty at full order
-    coordinates : block -> (nt, m) its reduced coordinates; at full order (nt, 6 k) the stress itself
+    fields : block -> (k, 6, m) stress at its nodes in a unit of each reduced coordinate; empty at full order
+    coordinates : block -> (nt, m) its reduced coordinates; at full order (nt, 6 k) the stress itself [Pa]
     offset : block -> (k, 6) stress without displacement (of held-back thermal expansion) [Pa]
     sections : (nt, sections, 6) forces along and moments about the axes of named sections [N], [N m]
     """
@@ -43,7 +53,7 @@ class StressHistory:
 
     @classmethod
     def observed(cls, stress: Floats, nodes: Mapping[str, int], offset: Mapping[str, Floats]) -> Self:
-        """Of stress that was observed itself, without sections.
+        """History of stress that was observed itself (at full order), without sections.
 
         Parameters
         ----------
@@ -57,7 +67,8 @@ class StressHistory:
     def at(self, block: str, rows: slice, times: slice = slice(None)) -> Floats:
         """Stress (nt, rows, 6) [Pa], tension positive, components xx yy zz xy yz xz.
 
-        Each history lies in one piece: what goes along it is quicker, and BLAS by half, than the other way.
+        In memory the history of a component is contiguous (it is a view of (rows, 6, nt)): what goes along it
+        is quicker, and BLAS by half, than the other way.
         """
         q = self.coordinates[block][times]
         if block in self.fields:
@@ -76,19 +87,21 @@ class StressHistory:
 class StressSummary:
     """Summary of the stress histories; the k nodes are those of the sites' blocks, one after another.
 
-    Measures are "principal" (major, and minor where the smallest is asked for), "vertical" and "arch".
+    Measures are "principal" (the largest of the major one, the smallest of the minor one), "vertical" and
+    "arch", normal stresses along `StressNodes.up` and `arch`.
 
     Attributes
     ----------
     largest, smallest : measure -> (k,) over the written times [Pa]
     time_of_largest : measure -> (k,) [s]
-    worst_time : measure -> time at which it is largest anywhere outside the ring [s]
+    worst_time : measure -> time at which it is largest anywhere outside the ring of `StressNodes` [s]
     at_worst : measure -> (k,) field at that time [Pa]
     tensor : (k, 6) at the worst time of the major principal stress [Pa]
     duration : (k, levels) total time of major principal stress above DCR_LEVELS x strength [s]; None without
+        a strength
     at_start : (k,) major principal stress at the first time, of the loads at rest [Pa]
-    change : (k,) largest major principal stress of what is more than at the first time [Pa]; None without
-        strength
+    change : (k,) largest major principal stress of the tensor less that at the first time [Pa]; None without
+        a strength
     duration_of_change : as `duration`, of that
     probes : (nt, p, 6) histories of the named nodes [Pa]
     probe_axes : (p, 2, 3) cantilever and arch direction of the named nodes
@@ -125,7 +138,7 @@ def principal_stresses(stress: Floats) -> Floats:
 
 
 def _deviator(stress: Floats) -> tuple[Floats, Floats]:
-    """Mean, and size of the deviator: principal stresses are the mean and up to twice the size from it."""
+    """Mean m, and size r of the deviator."""
     xx, yy, zz, xy, yz, xz = np.moveaxis(stress, -1, 0)
     mean = (xx + yy + zz) / 3.0
     a, b, c = xx - mean, yy - mean, zz - mean
@@ -133,7 +146,7 @@ def _deviator(stress: Floats) -> tuple[Floats, Floats]:
 
 
 def _outer(stress: Floats, mean: Floats, size: Floats) -> tuple[Floats, Floats]:
-    """Major and minor principal stress."""
+    """Major and minor principal stress, by mean m and size r of the deviator."""
     xx, yy, zz, xy, yz, xz = np.moveaxis(stress, -1, 0)
     a, b, c = xx - mean, yy - mean, zz - mean
     determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
@@ -147,9 +160,9 @@ def _outer(stress: Floats, mean: Floats, size: Floats) -> tuple[Floats, Floats]:
 def outer_histories(stress: Floats, level: float = np.inf) -> tuple[Floats, Floats]:
     """Major and minor principal stress (nt, k) of histories (nt, k, 6) where they matter, bounds elsewhere.
 
-    They are exact at the first time, where they may be a history's largest and smallest, and at both ends of
-    intervals that may exceed a level. Elsewhere the mean and once the deviator's size stand for them, which
-    the major one is never below and the minor one never above: at 9 of 10 times on an arch dam's faces, which
+    They are exact where they may be the largest and the smallest of their history, at both ends of intervals
+    that may exceed a level, and at the first time. Elsewhere m + r stands for the major one, which is never
+    less, and m - r for the minor one, which is never more: at 9 of 10 times on an arch dam's faces, which
     takes half the time.
     """
     mean, size = _deviator(stress)
@@ -159,7 +172,7 @@ def outer_histories(stress: Floats, level: float = np.inf) -> tuple[Floats, Floa
     needed |= exceeding
     needed[1:] |= exceeding[:-1]
     needed[:-1] |= exceeding[1:]
-    nodes, times = np.nonzero(needed.T)  # along histories, as they lie
+    nodes, times = np.nonzero(needed.T)  # node by node, because their histories are contiguous
     where = times, nodes
     major[where], minor[where] = _outer(stress[where], mean[where], size[where])
     return major, minor
@@ -191,7 +204,10 @@ def _seconds_above(start: Floats, end: Floats, dt: float) -> Floats:
 
 
 def _durations(stress: Floats, levels: Floats, dt: float) -> Floats:
-    """Durations (k, levels) of histories (nt, k) above ascending levels; few intervals exceed any."""
+    """Durations (k, levels) of histories (nt, k) above ascending levels [s].
+
+    Few intervals exceed any level: only these are kept, and fewer of them from level to level.
+    """
     over = stress > levels[0]
     nodes, times = np.nonzero((over[:-1] | over[1:]).T)
     ends, totals = np.stack([stress[times, nodes], stress[times + 1, nodes]]), []
@@ -205,26 +221,29 @@ def _durations(stress: Floats, levels: Floats, dt: float) -> Floats:
 
 
 def summarise(sites: StressSites, history: StressHistory, time: Floats) -> StressSummary:
-    """Go once through all nodes, and once more at the worst steps.
+    """Summarise the histories of all nodes, and rebuild the fields at the worst steps.
 
     Parameters
     ----------
     time : (nt,) equidistant [s]
     """
     dt = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    # a few nodes of a block at a time
-    step = max(1, _PART // len(time))
+    # some nodes of a block at a time
+    at_once = max(1, _TENSORS // len(time))
     chunks = [
-        (name, slice(first, min(first + step, len(nodes.nodes))))
+        (name, slice(first, min(first + at_once, len(nodes.nodes))))
         for name, nodes in sites.blocks.items()
-        for first in range(0, max(len(nodes.nodes), 1), step)  # a block may have sections alone
+        for first in range(0, max(len(nodes.nodes), 1), at_once)  # a block may have sections alone
     ]
-    summaries = list(side_by_side(partial(_of_part, sites, history, name, rows, dt) for name, rows in chunks))
+    summaries = list(
+        side_by_side(partial(_of_nodes, sites, history, name, rows, dt) for name, rows in chunks)
+    )
     joined = {key: np.concatenate([summary[key] for summary in summaries]) for key in summaries[0]}
     # the step at which a measure is largest outside the ring; anywhere, where all nodes lie in it
     counted = np.concatenate([nodes.counted for nodes in sites.blocks.values()])
     worst = {}
     for m in MEASURES:
+        # NaN where a node has no arch direction
         largest = np.nan_to_num(np.asarray(joined[f"largest {m}"], dtype=float), nan=-np.inf)
         outside = np.where(counted, largest, -np.inf) if counted.any() else largest
         worst[m] = int(joined[f"step {m}"][int(outside.argmax())]) if len(outside) else 0
@@ -250,10 +269,10 @@ def summarise(sites: StressSites, history: StressHistory, time: Floats) -> Stres
     )
 
 
-def _of_part(
+def _of_nodes(
     sites: StressSites, history: StressHistory, name: str, rows: slice, dt: float
 ) -> dict[str, NDArray[np.generic]]:
-    """Summary of the histories of a few nodes of a block."""
+    """Summarise the histories of some nodes of a block; each array has a row for every node."""
     stress, strength = history.at(name, rows), np.inf if sites.strength is None else sites.strength
     measures = _measures(stress, sites.blocks[name], rows, strength)
     major = measures["principal"][0]
@@ -277,7 +296,7 @@ def _measures(
 ) -> dict[str, tuple[Floats, Floats]]:
     """Measure -> its histories for the largest and for the smallest value, (nt, rows) each.
 
-    See `outer_histories` for what stands where the principal ones are neither, nor above the strength.
+    Those of the principal stresses hold bounds where nothing depends on them, see `outer_histories`.
     """
     vertical, arch = (stress_along(stress, axes[rows]) for axes in (nodes.up, nodes.arch))
     return {
