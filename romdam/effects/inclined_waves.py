@@ -1,22 +1,32 @@
 """Waves that come up through the rock at an angle: forces on its viscous boundary, as histories.
 
-The field is that of `romdam.fem.inclined`: continuous level layers, whose surface moves as the record at one
-place and later ahead of it, by the slowness times the distance. Its forces on the boundary are those of
-`romdam.effects.free_field`,
+The field is that of `romdam.fem.inclined`: level layers without a dam, whose surface moves as the record at
+one place, and elsewhere later by the slowness times the distance along the direction of travel. The boundary
+of the rock that is meshed gets the forces that let the field pass, as in `romdam.effects.free_field`,
 
     F = int N sigma n dA + C_b w' + K_b (w + beta w'),
 
-with the traction of the whole field on every facet, sides and bottom alike. They differ from node to node in
-time as well, so that their histories are of the unknowns: of the boundary's, or of a reduced model's where
-those are fewer.
+with w the displacement of the field relative to the base, its stress sigma, and the dashpots C_b and springs
+K_b of the boundary. Here sigma n is that of the whole field on every facet, sides and bottom alike. The
+forces are computed at every frequency from the spectrum of the record and brought back to time. They differ
+from node to node in time as well, so each force has a history: those on the boundary's nodes, or on the
+coordinates of a reduced model where these are fewer.
 
-The motion w against the base drifts as the record's velocity does, times the delay: w begins at zero, and
-what a record has at frequency zero (a velocity that does not end at zero) is left out of it.
+The ground's acceleration u_b'' acts on every mass, and mass-proportional damping alpha on the velocity w', so
+that div sigma = rho (w'' + u_b'' + alpha w'). At frequency omega the field
+
+    w + c u_b,   c = omega^2 / (omega^2 - i alpha omega),
+
+is a wave of layers with that drag, and w = 0 at the record's place of the surface. So the surface of the wave
+moves by c u_b, and w is the wave less c u_b.
+
+w drifts as the record's velocity does, times the delay: w begins at zero, and what a record has at frequency
+zero (a velocity that does not end at zero) is left out of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -39,9 +49,9 @@ from romdam.fem.inclined import InclinedField
 from romdam.geometry.elements import facet_element
 from romdam.geometry.facets import area_elements
 
-_SAID = 1e-3  # share of the record left out, in L2, from which on it is said
-_SAME = 1e-9  # relative, of two coefficients that are one
-_TOGETHER = 4_000_000  # numbers of a field at a time, 64 MB
+_SAID = 1e-3  # share of the record left out, in L2, from which on a run warns
+_SAME = 1e-9  # relative difference of two alphas that count as one
+_TOGETHER = 4_000_000  # complex numbers of a field at a time, 64 MB
 
 
 @dataclass(frozen=True)
@@ -50,12 +60,12 @@ class BoundarySide:
 
     Attributes
     ----------
-    nodes : (n,) that the faces have
+    nodes : (n,) nodes of the faces
     points : (n, 3) their positions [m]
-    dashpots, springs : (3 n, 3 n) sparse [N s/m], [N/m]
+    dashpots, springs : (3 n, 3 n) C_b and K_b, sparse [N s/m], [N/m]
     beta : of the block's damping [s]
-    at, normals : (q, 3) quadrature points, and their share of the area along the outward normal [m], [m2]
-    shares : (n, q) sparse, shape function of each node at each
+    at, normals : (q, 3) quadrature points, and the outward normal times the area of each [m], [m2]
+    shares : (n, q) sparse, shape function of each node at each quadrature point
     """
 
     nodes: Ints
@@ -69,7 +79,7 @@ class BoundarySide:
 
     @classmethod
     def of(cls, block: Block, beta: float) -> BoundarySide:
-        """Those of a block."""
+        """Take the absorbing faces of a block, whose damping has `beta` [s]."""
         at, normals, shares, size = [], [], [], len(block.points)
         for face in block.absorbing:
             element = facet_element(face.facets)
@@ -91,21 +101,21 @@ class BoundarySide:
             nodes, block.points[nodes], C, K, beta, np.concatenate(at), np.concatenate(normals), together
         )
 
-    def force(self, waves: InclinedField, still: Complex) -> Complex:
-        """(3 n, nf) forces of a field.
+    def force(self, waves: InclinedField, base: Complex) -> Complex:
+        """Spectrum F (3 n, nf) of the forces of a field.
 
         Parameters
         ----------
-        still : (3, nf) displacement that w is less than the field's
+        base : (3, nf) c u_b, the displacement by which w is less than that of the waves
         """
         inside = waves.layer_at(self.at[:, 2])
         stress = waves.traction(self.at, self.normals, inside)
-        stress[self.at[:, 2] > waves.field.levels[0]] = 0.0  # ground that the level surface is below
+        stress[self.at[:, 2] > waves.field.levels[0]] = 0.0  # ground above the layers' level surface
         traction = (self.shares @ stress.reshape(len(self.at), -1)).reshape(len(self.nodes), 3, -1)
-        moved = (waves.displacement(self.points) - still).reshape(3 * len(self.nodes), -1)
-        rate = 1j * waves.omega * moved
-        follow = self.springs @ (moved + self.beta * rate)
-        return np.asarray(traction.reshape(moved.shape) + self.dashpots @ rate + follow)
+        w = (waves.displacement(self.points) - base).reshape(3 * len(self.nodes), -1)
+        rate = 1j * waves.omega * w
+        of_springs = self.springs @ (w + self.beta * rate)
+        return np.asarray(traction.reshape(w.shape) + self.dashpots @ rate + of_springs)
 
 
 @dataclass(frozen=True)
@@ -128,7 +138,12 @@ class InclinedDrive:
     whole_record: ClassVar[bool] = True
 
     def drive(self, histories: Histories, dt: float, rates: Rates) -> Histories:
-        """Add the forces; they begin before the record does, and with them all motions."""
+        """Add the forces; they begin before the record does, and with them all motions.
+
+        The lead is the time that the waves take through the layers and along the boundary, with `RINGING`.
+        Left out of the record are frequencies whose waves the mesh does not resolve, frequency zero, and
+        those at which the depth would move far more than the surface (`_not_amplified`).
+        """
         from scipy.fft import irfft, next_fast_len, rfft, rfftfreq  # here: few scenes have a free field
 
         acc = histories.rows[Motion.BASE]
@@ -152,8 +167,8 @@ class InclinedDrive:
         step = max(1, _TOGETHER // widest)
         for first in range(1, count, step):
             some = slice(first, min(first + step, count))
-            waves, still = self._field(omega[some], spectrum[:, some])
-            each = np.concatenate([side.force(waves, still) for side in self.sides.values()])
+            waves, base = self._field(omega[some], spectrum[:, some])
+            each = np.concatenate([side.force(waves, base) for side in self.sides.values()])
             forces[:, some] = each if self.onto is None else self.onto @ each
         of_time = irfft(forces, size)[:, :total]
         motions = {
@@ -161,21 +176,30 @@ class InclinedDrive:
             Motion.INCLINED: of_time - of_time[:, :1],
         }
         rest = {kind: np.pad(values, ((0, 0), (lead, 0))) for kind, values in histories.rows.items()}
-        warnings = tuple(_warnings(acc, motions[Motion.BASE][:, lead:], omega, passed))
-        return Histories(rest | motions, histories.lead + lead, (*histories.warnings, *warnings))
+        warnings = histories.warnings
+        left_out = np.linalg.norm(acc - motions[Motion.BASE][:, lead:])
+        left_out /= max(float(np.linalg.norm(acc)), np.finfo(float).tiny)
+        if left_out > _SAID:
+            cut = omega[1:][passed[1:] < 1.0]
+            above = f" above {cut[0] / (2.0 * np.pi):.3g} Hz and" if len(cut) else ""
+            warnings = (
+                *warnings,
+                f"free field: left out of the record's acceleration: {100 * left_out:.2g} % in L2 of it,"
+                f"{above} at frequency zero; waves are shorter there than about three of the rock's "
+                f"elements, or damping makes the motion at depth more than {AMPLIFIED[0]:g} times the "
+                "surface's. Take smaller elements or less damping, low-pass the record, or let its velocity "
+                "end at zero",
+            )
+        return Histories(rest | motions, histories.lead + lead, warnings)
 
     def _field(self, omega: Floats, acc: Complex) -> tuple[InclinedField, Complex]:
-        """The field of a surface of acceleration (3, nf), and what w is less than it, (3, nf).
-
-        With drag alpha against the base the sum of w and c u_b is a wave, c = omega^2 / (omega^2 - i alpha
-        omega), u_b the base's displacement.
-        """
+        """The waves w + c u_b of a base's acceleration (3, nf), and c u_b (3, nf), see above."""
         alpha = (self.field.materials[0].damping or self.damping)[0]
-        still = -acc / (omega**2 - 1j * alpha * omega)
-        return InclinedField.of_surface(self.field, omega, still, self.damping), still
+        base = -acc / (omega**2 - 1j * alpha * omega)  # u_b = -acc / omega^2
+        return InclinedField.of_surface(self.field, omega, base, self.damping), base
 
     def _longest_delay(self) -> float:
-        """Between the record's place and the ends of the boundary [s]."""
+        """Longest delay between the record's place and a node of the boundary, either way [s]."""
         late = [
             (side.points[:, :2] - self.field.origin) @ np.array(self.field.slowness)
             for side in self.sides.values()
@@ -183,29 +207,16 @@ class InclinedDrive:
         return float(np.abs(np.concatenate(late)).max(initial=0.0))
 
     def _not_amplified(self, omega: Floats) -> Floats:
-        """(nf,) what passes of a record: less where the depth would move many times as the surface."""
+        """Share (nf,) of a record that passes: less where the depth would move many times as the surface."""
         levels = self.field.levels[1:]
         points = np.column_stack([np.tile(self.field.origin, (len(levels), 1)), levels])
         moved = np.zeros(len(omega))
         for component in np.eye(3):
             acc = np.outer(component, np.ones(len(omega))).astype(complex)
-            waves, still = self._field(omega, acc)
-            size = np.linalg.norm(waves.displacement(points), axis=1) / np.linalg.norm(still, axis=0)
+            waves, base = self._field(omega, acc)
+            size = np.linalg.norm(waves.displacement(points), axis=1) / np.linalg.norm(base, axis=0)
             moved = np.maximum(moved, size.max(axis=0))
         return taper(np.log(np.maximum.accumulate(moved)), *np.log(AMPLIFIED))
-
-
-def _warnings(acc: Floats, passed: Floats, omega: Floats, share_of_lines: Floats) -> Iterator[str]:
-    left = np.linalg.norm(acc - passed) / max(float(np.linalg.norm(acc)), np.finfo(float).tiny)
-    if left > _SAID:
-        cut = omega[1:][share_of_lines[1:] < 1.0]
-        above = f" above {cut[0] / (2.0 * np.pi):.3g} Hz and" if len(cut) else ""
-        yield (
-            f"free field: left out of the record's acceleration: {100 * left:.2g} % in L2 of it,{above} at "
-            "frequency zero; waves are shorter there than about three of the rock's elements, or damping "
-            f"makes the motion at depth more than {AMPLIFIED[0]:g} times the surface's. Take smaller "
-            "elements or less damping, low-pass the record, or let its velocity end at zero"
-        )
 
 
 @dataclass(frozen=True)
@@ -217,7 +228,7 @@ class InclinedWaves:
     sides: Mapping[str, BoundarySide]
 
     def add(self, system: System, coordinates: EffectCoordinates) -> tuple[System, EffectCoordinates]:
-        """Add the forces on absorbing faces; their rows are of the unknowns where these are fewer."""
+        """Add the forces on absorbing faces: of the boundary's nodes, or of reduced coordinates."""
         field = self.scene.find(FreeField)
         assert field is not None
         total, first, pressed = sum(3 * len(side.nodes) for side in self.sides.values()), 0, {}
@@ -234,7 +245,7 @@ class InclinedWaves:
         return replace(system.loaded({Motion.INCLINED: load}), drives=(*system.drives, drive)), coordinates
 
     def static_loads(self, moving: PseudoStatic | None) -> dict[str, Floats]:
-        """None here: a part with a viscous boundary answers motions of the field, see `merged_part`."""
+        """None: a part with a viscous boundary answers motions of the field, see `reduction.merged_part`."""
         return {}
 
 
@@ -244,7 +255,7 @@ def inclined_waves(scene: Scene, damping: DampingConfig) -> InclinedWaves | None
     Raises
     ------
     ConfigError
-        for modal damping, and layers of unlike alpha: drag against the base is of no wave where it changes.
+        for modal damping, and for layers of unlike alpha: w + c u_b is one wave only with one c.
     """
     field = scene.find(FreeField)
     if field is None or not field.inclined:
