@@ -1,10 +1,13 @@
 """What is attached to blocks beside their elements: springs, dashpots and masses.
 
 An anchor is a spring on the distance of two points, a pad between two blocks a dashpot on it, a gate a mass
-on the mean motion of a face. Each is the same few numbers on a displacement e = sum over blocks of rows @ u,
-so that mass, damping, stiffness, loads and what is recorded follow from them, on the mesh and on reduced
-coordinates (`romdam.effects.attachments`). What makes them of a configuration is
-`romdam.scene.attachments.BUILDERS`.
+on the mean motion of a face. Each acts on a scalar displacement that is linear in those of the blocks,
+
+    e = sum over blocks b of R_b u_b,   f = weight - tension - stiffness e - damping e' - mass e'',
+
+with f the force along e, so that the force on a block is R_b^T f. From the rows R_b and these few numbers
+follow mass, damping, stiffness, loads and what is recorded, on the mesh and on reduced coordinates
+(`romdam.effects.attachments`). `romdam.scene.attachments.BUILDERS` makes them from a configuration.
 """
 
 from __future__ import annotations
@@ -25,20 +28,18 @@ def _none() -> Floats:
 
 @dataclass(frozen=True)
 class Attachment(SceneEffect):
-    """Springs, dashpots and masses on displacements e (k,) of blocks, each on its own.
-
-    The force on the blocks is rows^T f with f = weight - tension - stiffness e - damping e' - mass e''.
+    """Springs, dashpots and masses on k displacements e, which do not act on each other.
 
     Attributes
     ----------
     effect : its name in `romdam.config.effects.EFFECTS`
-    name : of the one, unique within its effect
-    rows : block name -> (k, 3 nodes) sparse, e of its displacement
+    name : its own, unique within its effect
+    rows : block name -> R_b, (k, 3 nodes) sparse
     stiffness, damping, mass : (k,) each, zero where they are not given [N/m], [N s/m], [kg]
     tension : (k,) static force at e = 0, which pulls e back [N]
     weight : (k,) static force along e that gravity makes, and that acts with the weight of the blocks [N]
-    limits : (least, largest) force tension + stiffness e + damping e' beyond which it would not be what it
-        is, such as 0 of a tendon, which is told [N]
+    limits : (least, largest) force tension + stiffness e + damping e' that the model holds for, such as 0 of
+        a tendon, which would go slack; a run warns beyond them [N]
     key : of the configuration, for messages
     """
 
@@ -63,7 +64,12 @@ class Attachment(SceneEffect):
         return len(self.stiffness)
 
     def with_ground(self, still: Collection[str]) -> Floats:
-        """(k, 3) of e in unit translations of all blocks but some, which the ground does not shake."""
+        """(k, 3) e in unit translations along x, y, z of the blocks that the ground shakes.
+
+        Parameters
+        ----------
+        still : blocks that it does not shake
+        """
         moved = np.zeros((len(self), 3))
         for name, rows in self.rows.items():
             if name not in still:
@@ -103,7 +109,7 @@ class BearingRows:
 
     Attributes
     ----------
-    first : of these rows
+    first : number of the first of these rows; they come one after another
     stiffness, damping, tension : (k,) as `Attachment` has them
     """
 
@@ -114,7 +120,7 @@ class BearingRows:
 
     @property
     def rows(self) -> slice:
-        """Of what is observed."""
+        """The rows of `System.observe`."""
         return slice(self.first, self.first + len(self.stiffness))
 
     def force(self, e: Floats, rate: Floats) -> Floats:

@@ -1,9 +1,19 @@
 """Damping of the solids: Rayleigh's, of the scene or of each material, or modal ratios; dashpots of viscous
 faces, and matrices that blocks bring.
 
-Rayleigh damping does not act on rigid motions that joints alone hold, see `romdam.fem.damping`. The springs
-of viscous faces are part of a block's stiffness (`romdam.fem.assembly`), their dashpots stand here. Where
-supports move by themselves, dashpots act on what these displace too; the solids' damping does not.
+With alpha and beta those of the whole scene, the damping matrix over the mesh is (`romdam.fem.damping`)
+
+    C = alpha M + beta K + sum_b C_b - D D^T.
+
+C_b is the further damping of a block: the dashpots of its viscous faces, and what its material's Rayleigh
+damping, or a matrix that it brings, differs from the scene's. D D^T takes the mass terms off the rigid
+motions that joints alone hold. Over open-joint modes the first two terms are diagonal, 2 xi omega where
+damping is by ratios. A C_b couples the modes, except where a part has one damping of its own throughout:
+there alpha_b + beta_b omega^2 is diagonal too, and the system stays uncoupled.
+
+The springs of viscous faces are part of a block's stiffness (`romdam.fem.assembly`), their dashpots stand
+here. Where supports move by themselves, dashpots act on what these displace too; the solids' damping does
+not.
 """
 
 from __future__ import annotations
@@ -40,7 +50,7 @@ class SolidDamping:
     Attributes
     ----------
     scene : the scene
-    damping : the ratios
+    damping : Rayleigh coefficients, or ratios of modes
     """
 
     scene: Scene
@@ -66,8 +76,10 @@ class SolidDamping:
         return system, coordinates
 
     def _of_mesh(self, system: System, mesh: MeshCoordinates) -> System:
+        """Sparse C, and D apart because D D^T would be full."""
         rayleigh = self.damping.rayleigh
         alpha, beta = rayleigh_coefficients(rayleigh)
+        # sum of C_b; forces of the mass terms on rigid motions at unit velocity
         further, braked = csr_matrix(system.M.shape), alpha * (system.M @ mesh.rigid)
         for name, matrix in mesh.maps.items():
             block = self.scene.blocks[name]
@@ -82,9 +94,10 @@ class SolidDamping:
         return replace(system, C=C, drag=rigid_drag(braked.toarray(), mesh.rigid.toarray()))
 
     def _of_modes(self, system: System, modes: ModalCoordinates) -> System:
-        """Dashpots, matrices and materials of unlike damping in one part couple the modes."""
+        """C over the modes: diagonal, unless a block whose modes cannot be damped apart has a C_b."""
         rayleigh, omega2 = self.damping.rayleigh, system.K.diagonal()
         coefficients = modal_coefficients(self.damping, omega2)
+        # turned coordinates are no modes of one part any more
         apart = set[str]() if modes.turns else self._of_one_damping()
         for name in apart:
             columns = modes.basis[name].columns
@@ -96,9 +109,9 @@ class SolidDamping:
         if all(of_block is None for of_block in further.values()):
             return replace(system, C=csr_matrix(diags_array(coefficients)))
         alpha, _ = rayleigh_coefficients(rayleigh)
-        braked = alpha * system.M.toarray()  # by the mass terms
+        braked = alpha * system.M.toarray()  # the mass terms of all C_b and of the scene
         rigid = (system.K.diagonal() == 0.0) & (system.M.diagonal() > 0.0)
-        free = rigid.copy()
+        free = rigid.copy()  # of these, the ones that joints alone hold
         for name, of_block in further.items():
             part, block = modes.basis[name], others[name]
             if of_block is not None:
@@ -109,13 +122,14 @@ class SolidDamping:
             if block.absorbing:  # its boundary holds it, and so not its joints alone
                 free[part.columns] = False
         if rigid.any():
+            # `modal_coefficients` leaves alpha off all rigid motions, D off those that joints alone hold
             C += alpha * np.diag(rigid)
             D = rigid_drag(braked[:, free], np.eye(len(free))[:, free])
             C -= D @ D.T
         return replace(system, C=csr_matrix(0.5 * (C + C.T)), diagonal=False)
 
     def _of_one_damping(self) -> set[str]:
-        """Blocks of parts all of whose materials have one damping of their own, and nothing besides."""
+        """Blocks of parts all of whose materials have one damping of their own, and no other C_b."""
         apart = set[str]()
         for part in scene_parts(self.scene).values():
             blocks = [self.scene.blocks[name] for name in part.blocks]

@@ -1,5 +1,16 @@
 """Gmsh's .msh, versions 1, 2.2, 4.0 and 4.1, as text and binary.
 
+A file is a sequence of sections, each from $Name to $EndName. Elements belong to entities (points, curves,
+surfaces, volumes of the geometry), and entities to physical groups, which become the groups of the mesh:
+
+- 4.0 and 4.1: $Entities gives every entity's groups, and $Nodes and $Elements are in blocks of one entity.
+- 2.2: $Elements has for every element its number, type, and tags, of which the first is a physical group and
+  the second the entity. An element of an entity in two groups stands there twice.
+- 1: $NOD and $ELM, which always give group and entity. They are read as sections of 2.2.
+
+$PhysicalNames names the groups. Text is a sequence of numbers; in binary, how long a section is follows from
+its own counts alone.
+
 Read here and not by meshio 5.3, which takes the last of two nodes with one tag, another node for a tag that
 is not given, what numbers there are for a count that is larger, and the first physical group of several.
 """
@@ -30,26 +41,31 @@ _SIZES = {
     31: 56, 36: 16, 37: 25, 38: 36, 39: 12, 40: 16, 41: 20, 42: 28, 43: 36, 90: 40, 91: 75, 92: 64, 93: 125,
     118: 30, 119: 55,
 }  # fmt: skip
-_ANY = -1  # dimension of groups whose names have none, in version 2.0
+_ANY = -1  # stands for the dimension of a named group where version 2.0 gives none
 _EXPORT = "save it from gmsh with Mesh.MshFileVersion = 4.1"
 
 
 @dataclass
 class _Content:
-    """Content read so far."""
+    """Content read so far; the lists of nodes and of elements have an array for every block that was read."""
 
     tags: list[Ints] = field(default_factory=list)
     points: list[Floats] = field(default_factory=list)
     cells: list[Cells] = field(default_factory=list)
-    physical: list[dict[int, Ints]] = field(default_factory=list)  # of every one of `cells`: group -> rows
-    entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups
-    origin: list[Ints] = field(default_factory=list)  # of every one of `cells` (2.2): entity and group
+    physical: list[dict[int, Ints]] = field(default_factory=list)  # for each of `cells`: group -> rows
+    entities: dict[tuple[int, int], list[int]] | None = None  # (dim, tag) -> groups, in 4.0 and 4.1
+    # for each of `cells`, before 4.0: entity, group, and a number that elements of the same nodes share
+    origin: list[Ints] = field(default_factory=list)
     names: dict[tuple[int, int], str] = field(default_factory=dict)  # (dim, group) -> name
     left_out: Counter[int] = field(default_factory=Counter)  # type -> elements that no block is made of
     seen: set[str] = field(default_factory=set)
 
     def read_entities(self, stream: Numbers, of_point: int = 3) -> None:
-        """Read $Entities: the groups of every entity; points have so many numbers of their position."""
+        """Read $Entities: the groups of every entity.
+
+        A point has `of_point` coordinates, any other entity the six of its box. The numbers behind the groups
+        are the entities on its boundary, which are not needed.
+        """
         self.entities = {}
         for dim, count in enumerate(counts(stream, 4, "size")):
             for _ in range(count):
@@ -118,7 +134,11 @@ class _Content:
         self.add_nodes(stream, stream.count_line() if isinstance(stream, Bytes) else counts(stream, 1)[0])
 
     def read_elements_22(self, stream: Numbers) -> None:
-        """Read $Elements of version 2.2."""
+        """Read $Elements of version 2.2.
+
+        Elements differ in length, so that they are found one by one, and then taken by type and number of
+        tags together.
+        """
         if isinstance(stream, Bytes):
             self.read_elements_22_binary(stream)
             return
@@ -136,14 +156,18 @@ class _Content:
             starts.setdefault((kind, tags), []).append(at)
             at += 3 + tags + _size(kind)
         stream.at = 1
-        stream.ints(at - 1, "int")  # as many as there are
+        stream.ints(at - 1, "int")  # takes them from the stream, and refuses a section that was cut
         for (kind, tags), firsts in starts.items():
             rows = numbers[np.array(firsts)[:, None] + np.arange(3 + tags + _size(kind))]
             self.add_22(kind, np.delete(rows, [1, 2], axis=1), tags)
         self.refuse_mixed_entities()
 
     def read_elements_22_binary(self, stream: Bytes) -> None:
-        """Read $Elements of version 2.2 from bytes; some writers put a header before every element."""
+        """Read $Elements of version 2.2 from bytes.
+
+        A header has type, count and number of tags of the elements that follow; some writers put one before
+        every element.
+        """
         total, done = stream.count_line(), 0
         rows: dict[tuple[int, int], list[Ints]] = {}
         while done < total:
@@ -170,17 +194,27 @@ class _Content:
             self.add_22(kind, np.array(elements, dtype=np.int64), 2)
 
     def add_22(self, kind: int, rows: Ints, tags: int) -> None:
-        """Add rows of number, tags (physical group, entity, ...) and nodes."""
+        """Add elements of a type.
+
+        Parameters
+        ----------
+        rows : (n, 1 + tags + nodes) number, tags (physical group, entity, ...) and nodes
+        """
         nothing = np.zeros(len(rows), dtype=np.int64)
         group = np.abs(rows[:, 1]) if tags else nothing
         groups = {int(g): np.flatnonzero(group == g) for g in np.unique(group) if g}
         self.add(kind, rows[:, 0], rows[:, 1 + tags :], groups)
         if kind in _TYPES:
+            # numbers of nodes' sets, apart for every type
             same = row_numbers(np.sort(rows[:, 1 + tags :], axis=1)) + (len(self.cells) << 40)
             self.origin.append(np.stack([rows[:, 2] if tags > 1 else nothing, group, same], axis=1))
 
     def refuse_mixed_entities(self) -> None:
-        """An entity is in its groups as a whole, once in each; an element that is not has lost its group."""
+        """Refuse an entity that is partly in a group: an element has lost its group.
+
+        A sound entity is in each of its groups as a whole, so it has as many elements as groups times
+        elements of different nodes.
+        """
         for dim in (2, 3):
             origins = [o for o, c in zip(self.origin, self.cells, strict=True) if c.dim == dim]
             rows = np.concatenate([np.zeros((0, 3), np.int64), *origins])
@@ -229,6 +263,8 @@ def read_gmsh(path: Path, location: str) -> MeshFile:
 
 
 def _sections(data: bytes) -> _Content:
+    """Read the sections one after another, by the readers of the file's version; others are passed over."""
+    # version 1 has no $MeshFormat, and other names
     for new, old in ((b"Nodes", b"NOD"), (b"Elements", b"ELM")) if data.lstrip().startswith(b"$NOD") else ():
         head = b"$MeshFormat\n1 0 8\n$EndMeshFormat\n" if new == b"Nodes" else b""
         data = data.replace(b"$" + old, head + b"$" + new).replace(b"$END" + old, b"$End" + new)
@@ -306,6 +342,7 @@ def _layout(body: bytes) -> tuple[float, GmshLayout | None]:
 
 
 def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
+    """(dimension, group) -> name, after a line with their count."""
     lines = [line for line in body.decode("utf-8", errors="replace").splitlines() if line.strip()]
     names: dict[tuple[int, int], str] = {}
     for line in lines[1:]:
@@ -322,12 +359,14 @@ def _physical_names(body: bytes) -> dict[tuple[int, int], str]:
 
 
 def _size(kind: int) -> int:
+    """Number of nodes of a type."""
     if kind not in _TYPES and kind not in _SIZES:
         raise ValueError(f"element type {kind} is not known")
     return _TYPES[kind].nodes if kind in _TYPES else _SIZES[kind]
 
 
 def _compare(count: int, said: int, name: str) -> None:
+    """Refuse a section that holds another number than it says."""
     if count != said:
         raise ValueError(f"${name} holds {count}, and says {said}")
 
@@ -362,14 +401,14 @@ def _grouped(mesh: MeshFile, content: _Content) -> MeshFile:
         if dim not in (2, 3):
             continue
         name = content.names.get((dim, number)) or content.names.get((_ANY, number), str(number))
-        labels_of = [
+        rows = [  # of each of the mesh's tables of cells
             members.get(number, np.zeros(0, np.int64)) if c.dim == dim else np.zeros(0, np.int64)
             for c, members in zip(mesh.cells, content.physical, strict=True)
         ]
         groups[name] = (
-            labels_of
+            rows
             if name not in groups
-            else [np.union1d(a, b) for a, b in zip(groups[name], labels_of, strict=True)]
+            else [np.union1d(a, b) for a, b in zip(groups[name], rows, strict=True)]
         )
         if dim == 3:
             numbers[str(number)] = name
