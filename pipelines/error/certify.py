@@ -143,7 +143,7 @@ def certify(
 
 
 def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
-    """The scene, if it is the run's and both can be replayed: refused before anything is reduced."""
+    """Build the scene; refuse one that is not the run's, or that cannot be replayed, before it is reduced."""
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
     run.refuse_other(scene.gap_position, run.q.shape[1])
@@ -164,11 +164,12 @@ def _scene(job: Job, run: StoredRun, clock: Clock) -> Scene:
 
 
 def _of_this_code(run: StoredRun) -> bool:
+    """Tell whether this version of the code made the run: digests of another one need not agree."""
     return run.attributes.get("code_sha256") == code_digest()
 
 
 def _cost(full: Replayed, run: StoredRun, rows: int) -> str:
-    """Say how often the mesh is solved, and how long that is about to take by one solution."""
+    """Say how often the mesh will be solved, and estimate the time by that of one solution."""
     assert full.factor is not None
     begun = time.process_time()
     full.factor.solve(full.start)
@@ -195,7 +196,7 @@ def _sampling(
     settings: Settings,
     clock: Clock,
 ) -> Sampling:
-    """What windows of the record are made of: the finer model's run over all of it, and its joint forces."""
+    """Run the finer model over the whole record; the mesh is then solved in windows with its joint forces."""
     end = float(run.time[-1])
     ground = ground_at_steps(motion, settings.steps.base, end)
     with clock.stage("finer_run", "running the finer model") as progress:
@@ -209,6 +210,8 @@ def job_of(run: StoredRun, config: str | Path | None) -> Job:
 
     Raises
     ------
+    ResultError
+        where the record was given as arrays, and where the stored configuration is not the one it states.
     ConfigError
         where the named configuration is another one.
     """

@@ -54,9 +54,9 @@ def reduced_models(
 def variable_models(
     job: Job, scene: Scene, store: BlockStore | None = None, also: Sequence[Scene] | None = None
 ) -> tuple[ReducedModel, FinerModel | None, DryModel | None]:
-    """The reduced model of a job, the finer one, and this before effects act.
+    """The reduced model of a job, the finer one, and the finer one before effects act.
 
-    The finer one is None where no estimate is wanted or can be made, the last also where none is kept.
+    Both finer ones are None where no estimate is wanted or can be made, and the last where `also` is None.
 
     Parameters
     ----------
@@ -98,11 +98,12 @@ def estimate_run(job: Job, finer: FinerModel, motion: GroundMotion, history: His
 def with_estimates(
     job: Job, model: RunModel, motion: GroundMotion, history: History
 ) -> tuple[History, ErrorStatement | None]:
-    """Estimate the error of a run's steps, which joins its stats, and of leaving out modes.
+    """Estimate the errors of a run's steps and of leaving out modes, both at once.
 
-    A model with all its modes leaves out none. Where an estimate is wanted and none can be made, the error is
-    stated to be unknown. Where one of the two fails, as it does where a step does not converge, the run says
-    why in its warnings too.
+    The error of the steps is added to the history's stats; the statement is that of the modes. It is None for
+    a model with all its modes, which leaves out none, and where no estimate is wanted; where one is wanted
+    and cannot be made, it says that the error is unknown. If one of the two fails, as where a step does not
+    converge, the run says why in its warnings too.
     """
     finer = model.finer
     if model.reduced is None or not can_estimate(job):
@@ -129,9 +130,8 @@ def with_estimates(
 def estimate_steps(job: Job, prepared: Prepared, motion: GroundMotion, history: History) -> dict[str, float]:
     """Estimate what the steps of a run have changed, relative: of the openings, of slips and residual slips.
 
-    The finest step is quartered, for half of it may repeat most of the run's error: of 22 random scenes three
-    were stated at 0.40 to 0.46 of the truth and one at 2.6 times it with half; with a quarter all at 0.53 to
-    1.4. The base step, which closed springs follow, is halved; it is cut into three where joints have bonds
+    The finest step is quartered, for half of it may repeat most of the run's error, which is then stated too
+    small. The base step, which closed springs follow, is halved; it is cut into three where joints have bonds
     or other memory, so that few instants are common to both runs. Where blocks rock on joints that alone hold
     them, the finest step is doubled, unless it is the base step.
 

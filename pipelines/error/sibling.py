@@ -1,10 +1,14 @@
 """Siblings of a mesh: the models that a run is repeated on, to state the error of its mesh.
 
-A run is judged by one or more other models of the same job: elements of twice the size, all at once or in one
-more direction at a time; a second coarser mesh, which shows the order of convergence; elements of half the
-size, where there is no coarser mesh and the scene is small; and a gap at every node, where the job has fewer
-contact points. `find_sibling` builds them, or gives the reason why there are none. `Sibling.state` runs them
-and states the error.
+A run is judged by one or more other models of the same job:
+
+- elements of twice the size, in all directions at once, or in one more direction from each mesh to the next;
+- elements of four times the size, which show the order of convergence;
+- elements of half the size, where there is no coarser mesh and the scene is small;
+- a gap at every node, where the job has fewer contact points.
+
+`find_sibling` builds them, or gives the reason why there are none. `Sibling.state` runs them and states the
+error.
 """
 
 from __future__ import annotations
@@ -74,12 +78,13 @@ class OtherModel:
 
 @dataclass(frozen=True)
 class Sibling:
-    """What a run is made on again, to state the error of its mesh and of its contact points.
+    """The models that a run is repeated on, to state the error of its mesh and of its contact points.
 
     Attributes
     ----------
-    meshes : elements of half the size (`finer`), or of twice; or each coarser in one more direction
-    finer : whether they are of half the size
+    meshes : one, with elements of half the size (`finer`) or twice; or several, each coarser in one more
+        direction than the one before
+    finer : whether elements have half the size
     second : elements of four times the size, which show the order; None where there is no such mesh
     points : a gap at every node, in place of `spacing`; None where the job has a gap at every node
     points_of_sibling : whether `points` has the sibling's mesh, otherwise the run's own
@@ -98,7 +103,7 @@ class Sibling:
         return [*meshes, *(other for other in (self.second, self.points) if other is not None)]
 
     def state(self, model: RunModel, case: Case, progress: Progress) -> ErrorStatement:
-        """State what the mesh changes in a run, by one on this mesh, or why that is unknown.
+        """Run all models as the run was run, and state what the mesh changes in it, or why that is unknown.
 
         Parameters
         ----------
@@ -182,7 +187,7 @@ def _sibling(job: Job, scene: Scene, store: BlockStore | None, *, finer: bool) -
 
 
 def _other_model(job: Job, store: BlockStore | None) -> OtherModel:
-    """A job's model; blocks with fewer modes than it asks for take all."""
+    """Build a job's model. Of a large mesh `all` modes are `_MANY_MODES` with residual vectors here."""
     scene, model, damping = scene_of(job), job.config.model, job.config.damping
     with placed(job.path):
         reduced = None
@@ -228,5 +233,5 @@ def run_of(model: RunModel, history: History, stress: StressSummary | None) -> M
 
 
 def run_with_stress(model: RunModel, history: History) -> MeshRun:
-    """The same of a history as integrated, on a model `with_stress`."""
+    """`run_of` for a history as it was integrated, on a model from `with_stress`."""
     return run_of(model, *stress_of(model.scene, model.stress, history))

@@ -52,8 +52,8 @@ FINER = 16  # the reference's step is this part of the finest one studied
 PARTS = (4, 8, 16, 32)  # of the record's step, the steps that are studied unless the configuration says
 LIMIT_MODES = 100  # of a block in the reference on a finer mesh, at least; 60 leave 0.1 % with 20 vectors
 LIMIT_VECTORS = 20  # residual vectors of it, at least
-LIMIT_ACCURACY = 0.002  # of its steps, unless the configuration names its step
-MORE_MODES = 2  # times the most modes, or the highest cut-off, studied: what it has at least
+LIMIT_ACCURACY = 0.002  # of the steps of it, unless the configuration names the reference's step
+MORE_MODES = 2  # times the most modes, or the highest cut-off, studied: what that reference has at least
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,14 @@ class _Mesh:
 
 @dataclass(frozen=True)
 class _Setup:
-    """Shared by all cases; `steps` are those studied, `every` the interval of the compared rows [s]."""
+    """What all cases share.
+
+    Attributes
+    ----------
+    meshes : those studied, the job's own first
+    steps : finest steps studied [s]
+    every : interval of the compared rows [s]
+    """
 
     job: Job
     meshes: tuple[_Mesh, ...]
@@ -96,12 +103,12 @@ class _Setup:
 
     @property
     def duration(self) -> float:
-        """Seconds that are timed."""
+        """Length of the runs that are timed [s]."""
         return self.job.config.transient.duration or self.motion.duration
 
     @property
     def compared(self) -> float:
-        """Seconds that are compared."""
+        """How much of them is compared with the reference, from the start [s]."""
         return min(self.job.config.study.duration, self.duration)
 
     @property
@@ -136,7 +143,7 @@ def study(job: Source, out: str | Path, reference: Path | None = None, show: Sta
     refuse_lengths(job, [motion])
     refuse_drifting(job, [motion])
     log_warnings(job, [motion])
-    meshes = tuple(_scene(variant, clock) for variant in studied_meshes(job))
+    meshes = tuple(_build_mesh(variant, clock) for variant in studied_meshes(job))
     job = log_scene_warnings(meshes[0].scene, job)
     steps = job.config.study.finest_steps or tuple(motion.dt / division for division in PARTS)
     setup = _Setup(job, meshes, motion, steps, job.config.outputs.output_interval or motion.dt)
@@ -176,16 +183,18 @@ def refuse_study(job: Job) -> None:
     studied_meshes(job)
 
 
-def _scene(variant: MeshVariant, clock: Clock) -> _Mesh:
+def _build_mesh(variant: MeshVariant, clock: Clock) -> _Mesh:
     start = cpu_time()
     with clock.stage("scene", f"building the scene, mesh {variant.mesh}"):
         return _Mesh(variant, scene_of(variant.job), cpu_time() - start)
 
 
 def _reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, object]]:
-    """The run that all are compared with: all modes of the mesh at a small step, or full order.
+    """The run that all are compared with, on the same mesh: all modes at a small step, or full order.
 
-    With what is known of its own error, as attributes, here nothing.
+    Returns
+    -------
+    the run, and attributes that state its own error: none here, as the mesh is the same
     """
     wanted, dt = setup.job.config.study.reference, setup.job.config.study.reference_step
     scene = setup.meshes[0].scene
@@ -205,7 +214,14 @@ def _reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, obje
 
 
 def _finer_reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str, object]]:
-    """A run on quadratic elements of half the size; its coarser sibling says what it leaves itself."""
+    """The run that all are compared with, on quadratic elements of half the size, where meshes are studied.
+
+    Its own error is that against a run on its coarser sibling.
+
+    Returns
+    -------
+    the run, and attributes that state its own error
+    """
     wanted, runs = setup.job.config.study, list[ComparedRun]()
     vectors = max(LIMIT_VECTORS, *wanted.residual_vectors)
     if wanted.counts:
@@ -246,7 +262,7 @@ def _finer_reference(setup: _Setup, clock: Clock) -> tuple[ComparedRun, dict[str
 
 @dataclass(frozen=True)
 class _Case:
-    """A setting, the mesh and the scene it is about, and what runs it."""
+    """A setting, the scene of its mesh, and a function that runs it once."""
 
     setting: Setting
     scene: Scene
@@ -254,6 +270,7 @@ class _Case:
 
 
 def _cases(setup: _Setup, clock: Clock) -> Iterator[_Case]:
+    """Every combination of what `study:` lists; a mesh is reduced once for all its integrators and steps."""
     wanted = setup.job.config.study
     sizes: list[tuple[int | None, float | None]] = [(count, None) for count in wanted.counts]
     sizes += [(None, cutoff) for cutoff in wanted.cutoffs or ()]
@@ -299,8 +316,8 @@ def _case_of_job(setup: _Setup, reference: ComparedRun, clock: Clock) -> CaseRes
     try:
         job, choice = choose_mesh_and_modes(setup.job, [setup.motion], clock)
         variant = MeshVariant("as given" if choice is None else choice.name, "as given", job)
-        given = (mesh for mesh in setup.meshes if replace(mesh.variant, job=job) == variant)
-        mesh = next(given, None) or _scene(variant, clock)
+        studied = (mesh for mesh in setup.meshes if replace(mesh.variant, job=job) == variant)
+        mesh = next(studied, None) or _build_mesh(variant, clock)
         modes = mode_choice(job.config.model)
         system, model_cpu = _reduced(mesh, job, modes, "reducing the job's own model", clock)
         prepared = prepare(job, system)
@@ -338,6 +355,7 @@ def _simulate(
 
 
 def _measure(setup: _Setup, case: _Case, reference: ComparedRun, clock: Clock) -> CaseResult:
+    """Run a case as often as `study.repeats` says, for its time, and compare the first run."""
     setting = case.setting
     model = f"mesh {setting.mesh}, {setting.modes}, {setting.residual_vectors} residual vectors"
     text = f"{setting.integrator}, {model}, finest step {setting.finest_step:g} s"

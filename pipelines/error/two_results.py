@@ -1,4 +1,4 @@
-"""Compare two results that are there already: `romdam compare A B`.
+"""Compare two stored results: `romdam compare A B`.
 
 Nothing is run. The histories of both files are read and brought to common times and places, and their
 differences are written as a table and a figure.
@@ -21,14 +21,14 @@ from romdam.results.table import write_csv
 
 @dataclass(frozen=True)
 class TwoResults:
-    """Measure how far two results are apart: Dataset, table, and the files that were written."""
+    """Differences of two results: Dataset, table, and the files that were written."""
 
     dataset: xr.Dataset
     table: VariantTable
     paths: tuple[Path, ...]
 
     def beyond(self, tolerance: float) -> list[str]:
-        """Quantities whose L2 or peak differs by more."""
+        """Names of the quantities whose L2 or peak differs by more than a tolerance, relative."""
         worse = (self.dataset[["l2_difference", "peak_difference"]].to_array() > tolerance).any("variable")
         return [str(name) for name in self.dataset["quantity"].values[worse.values]]
 
