@@ -1,4 +1,22 @@
-"""One implicit step of all gaps: free jumps in, joint forces out, history committed."""
+"""One implicit step of all gaps: free jumps in, joint forces out, history committed.
+
+`solve_gaps` finds the force p_c of the problem y = W p_c + y_free of `romdam.contact.problem`, with
+
+    y_free = (I + H D)^-1 (w_free + initial jump) - s + r e_0,
+
+s the accumulated slip, r the theta ratio and e_0 the deformation of the springs at the step's start. The
+bounds of the forces are fixed in one solution. It is repeated while bounds follow the step or gaps lose
+strength (`romdam.contact.softening`).
+
+`commit_gaps` takes an accepted solution apart. With c the compliance, which has the factor 1 + r in it, the
+jumps at the step's end are
+
+    w_n = y_n - c p_c - r e_0,      w_t = y_t + s - c t - r e_0.
+
+Where r = 0 the force at the end is that of the solution, and the slip of the step is y_t. Where r > 0 the
+solution's is the force within the step. The force at the end is that of the spring then, (1 + r) / c times
+its deformation; in shear it is reduced to its bound, and the rest of the deformation is slip.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +48,12 @@ from romdam.core.jit import ARRAYS, CALLED, VIEWS, copy, njit
 from romdam.core.recorded import GapArrays
 from romdam.core.system import OPEN, SLIP, STICK
 
-_MOST_LIMITS = 120  # solutions of a step whose limits follow it
-_FEW_LIMITS = 20  # of these, after which falling limits that come slowly to rest, or not at all, may be off
-_LOOSE = 3  # of these, after which the answer of the gaps whose forces are none of the limits counts too
-_CAUTIOUS = 40  # of these, after which no falling limit is anticipated
-_LIMIT_CHANGE, _LAST_LIMIT_CHANGE = 1e-11, 1e-3  # of the largest force: change of a limit that is none
+# of a step whose limits follow it, see `follow_step`
+_MOST_LIMITS = 120  # solutions, at most
+_LOOSE = 3  # solutions after which the response of closed and sticking gaps counts too
+_FEW_LIMITS = 20  # solutions after which corrections are halved, and a larger change of limits counts as none
+_CAUTIOUS = 40  # solutions after which no falling limit is anticipated
+_LIMIT_CHANGE, _LAST_LIMIT_CHANGE = 1e-11, 1e-3  # of the largest force: change that counts as none, then
 
 
 @njit(**VIEWS)
@@ -56,12 +75,12 @@ def solve_gaps(
     w_free : (N,) jumps for no joint force, without the initial gap; overwritten [m]
     y : (N,) receives the problem's residual displacements [m]
     tolerance : allowed relative residual
-    steady : whether to give up as soon as a gap opens or closes
+    steady : whether to give up as soon as a gap opens or closes, or loses strength
 
     Returns
     -------
-    float, the relative residual reached; above the tolerance means no convergence, inf that a gap
-    opened or closed in a step that must not have it, or that a law failed
+    float, the relative residual reached; above the tolerance means no convergence, inf that a step that must
+    be steady is not, that a free jump is not finite, or that a law failed
     """
     for b in range(len(w_free)):
         if not math.isfinite(w_free[b]):  # comparisons with NaN are False: it would pass for converged
@@ -72,6 +91,8 @@ def solve_gaps(
     if memory.failure.law > 0:
         return np.inf
     d = len(w_free) // n
+
+    # w_free becomes y_free
     for i in range(n):
         w_free[d * i] += problem.gap[i]
     for i in range(len(problem.slip)):
@@ -85,6 +106,7 @@ def solve_gaps(
     for b in range(len(w_free)):
         w_free[b] += problem.theta_ratio[b] * memory.spring[b]
     begin_step(problem.laws, memory, w_free)
+
     for _ in range(memory.trial.size + 1):  # once, unless gaps give something up, each entry once at most
         set_limits(problem.laws, problem.whole, memory)
         if memory.failure.law > 0:
@@ -114,6 +136,7 @@ def solve_gaps(
 
 @njit(**ARRAYS)
 def _transform(by: Floats, jumps: Floats) -> None:
+    """jumps = by @ jumps, apart because the product makes an array."""
     copy(by @ jumps, jumps)
 
 
@@ -151,7 +174,13 @@ def _compiled_solve(
 
 @njit(cache=True)
 def _energies(problem: GapProblem, dashpot_share: Floats, jump: Floats, force: Floats) -> Floats:
-    """Energy in the springs of every gap, where some have strength [J]; force is the whole joint force."""
+    """Energy in the springs of every gap (n,) [J], where gaps have further laws.
+
+    Parameters
+    ----------
+    dashpot_share : (n,) share of the dashpot in the compression, of which the spring has the rest
+    jump, force : (n, d) jumps [m] and whole joint forces, with those of the tension stiffness [N]
+    """
     n, d = jump.shape
     energy = np.zeros(n)
     for i in range(n):
@@ -193,6 +222,7 @@ def commit_gaps(
 def _commit(
     laws: Laws | None, problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays
 ) -> tuple[float, float, float]:
+    """Choose by the type of `laws`, so that without further laws none of their code is compiled."""
     if laws is not None:
         return _commit_with_laws(laws, problem, memory, y, gaps)
     stored, slid = _move(problem, memory, y, gaps)
@@ -203,10 +233,15 @@ def _commit(
 def _commit_with_laws(
     laws: Laws, problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays
 ) -> tuple[float, float, float]:
+    """Do as `commit_gaps` says, and move the memory of the further laws.
+
+    A gap dissipates what its laws say, besides sliding. Where it has lost strength or has a dashpot, it
+    dissipates all that its force did as work on it and that is not stored.
+    """
     jump, force, state = gaps.jump, gaps.traction, gaps.state
     n = len(problem.gap)
     before, old = _energies(problem, laws.dashpot_share, jump, force), jump.copy()
-    for i in range(n):
+    for i in range(n):  # `begin_step` has taken it off the free jumps
         y[len(y) // n * i] += laws.dashpot_share[i] * memory.spring[len(y) // n * i]
     lost = _move(problem, memory, y, gaps)[1]
     after, fed, kept = _energies(problem, laws.dashpot_share, jump, force), 0.0, 0.0
@@ -214,7 +249,7 @@ def _commit_with_laws(
         p, slid = memory.force[len(y) // n * i] + memory.limits.tension[i], 0.0
         state[i] = OPEN if p <= 0.0 else max(state[i], STICK)
         for a in range(1, jump.shape[1]):
-            slid -= force[i, a] * y[3 * i + a]
+            slid -= force[i, a] * y[3 * i + a]  # which `_move` has counted
         stored_before, more = law_energies(laws, memory, i)
         has_lost = commit_laws(laws, memory, i, jump[i, NORMAL], state[i], force[i, NORMAL])
         stored, dissipated = law_energies(laws, memory, i)
@@ -231,7 +266,12 @@ def _commit_with_laws(
 
 @njit(cache=True, error_model="numpy", forceinline=True)
 def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) -> tuple[float, float]:
-    """Jumps, forces, states, springs and slip; energy in the springs, and taken by sliding [J]."""
+    """Move jumps, forces, states, springs and slip to the step's end by the equations of the module.
+
+    Returns
+    -------
+    (stored, lost) : energy in the springs at the end, and dissipated by sliding in the step [J]
+    """
     jump, force, state, n = gaps.jump, gaps.traction, gaps.state, len(problem.gap)
     d = len(y) // max(n, 1)
     stored, lost = 0.0, 0.0
@@ -240,7 +280,7 @@ def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) ->
         p_c, ratio, compliance = memory.force[b], problem.theta_ratio[b], problem.compliance[b]
         jump[i, NORMAL] = y[b] - compliance * p_c - ratio * memory.spring[b]
         memory.spring[b] = jump[i, NORMAL] if jump[i, NORMAL] < 0.0 else 0.0
-        if ratio > 0.0:
+        if ratio > 0.0:  # the force at the end is that of the spring
             p_c = 0.0
         if memory.spring[b] < 0.0 and ratio > 0.0:
             compliance /= 1.0 + ratio
@@ -249,6 +289,7 @@ def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) ->
         stored += 0.5 * compliance * p_c**2 + 0.5 * problem.tension[i] * jump[i, NORMAL] ** 2
         state[i] = STICK if p_c > 0.0 else OPEN
         if d == 3:
+            # the shear is bounded by the compression within the step and by that at its end
             p = min(p_c, memory.force[b]) + memory.limits.tension[i]
             limit_j, limit_k = shear_limits(memory.limits, i, p)
             held, slid, taken, ratio = 0.0, 0.0, 0.0, problem.theta_ratio[3 * i + SHEAR_J]
@@ -264,6 +305,8 @@ def _move(problem: GapProblem, memory: GapMemory, y: Floats, gaps: GapArrays) ->
             if ratio > 0.0:
                 t_j, t_k, _ = project_shear(force[i, SHEAR_J], force[i, SHEAR_K], limit_j, limit_k)
                 force[i, SHEAR_J], force[i, SHEAR_K] = t_j, t_k
+            # stored energy `held`, and work of sliding `slid`: where r > 0 the latter is at most what the
+            # springs had and took up in the step (`taken`) and do not hold
             for a in range(2):
                 c = 3 * i + SHEAR_J + a
                 strain = -compliance * force[i, SHEAR_J + a]
