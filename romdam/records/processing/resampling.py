@@ -1,4 +1,10 @@
-"""Another sampling interval for a ground acceleration, without aliasing."""
+"""Another sampling interval for a ground acceleration, without aliasing.
+
+Between its samples a record is straight ("linear") or the signal of its spectrum below the Nyquist frequency
+("fourier"). A coarser interval cannot carry all frequencies: they are taken out first, with zero phase. Here
+are also the parts of a record (its first seconds, its strongest seconds) and an even interval for film that
+was digitized at uneven times.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ from romdam.core.errors import RecordError
 from romdam.core.motion import MOST_SAMPLES, GroundMotion
 
 Method = Literal["linear", "fourier"]
-INTERVAL = 0.005  # s; agencies bring digitized film to 200 samples a second for their Volume 2 ...
+INTERVAL = 0.005  # s of digitized film: agencies bring it to 200 samples a second for their Volume 2 ...
 FINER = 1.02  # ... and it is halved until it is at most so many mean steps, so that no motion is folded back
 LONGEST_GAP = 0.5  # s between two points; more is a gap, not a step of digitizing
 
@@ -21,7 +27,7 @@ LONGEST_GAP = 0.5  # s between two points; more is a gap, not a step of digitizi
 def resample(
     acc: NDArray[np.float64], dt_old: float, dt_new: float, method: Method = "linear"
 ) -> NDArray[np.float64]:
-    """Resample acceleration along its last axis; the last sample lies within the old duration.
+    """Resample acceleration along its last axis.
 
     Parameters
     ----------
@@ -31,7 +37,7 @@ def resample(
 
     Returns
     -------
-    (..., nt_new), nt_new = floor((nt - 1) dt_old / dt_new) + 1. A coarser interval is low-passed first.
+    (..., nt_new) at times k dt_new within the record: nt_new = floor((nt - 1) dt_old / dt_new) + 1
 
     Raises
     ------
@@ -51,7 +57,7 @@ def resample(
     _refuse_huge(duration / dt_new, f"dt {dt_new:g} s makes of {duration:g} s")
     nt = acc.shape[-1]
     n = 2 * nt  # as many zeros again, so that the end does not wrap onto the start
-    if dt_new > dt_old:  # low-pass what the coarser interval cannot carry: zero phase, cosine edge
+    if dt_new > dt_old:  # low-pass: 1 up to 0.8 of the new Nyquist frequency, 0 beyond it, a cosine between
         freq = np.fft.rfftfreq(n, dt_old)
         nyquist = 0.5 / dt_new
         edge = np.clip((freq / nyquist - 0.8) / 0.2, 0.0, 1.0)
@@ -61,7 +67,8 @@ def resample(
     time = np.arange(int(np.floor(duration / dt_new + 1e-9)) + 1, dtype=np.float64) * dt_new
     if method == "linear":
         return _linear_at(acc, dt_old, time)
-    # band-limited values: zero-padded transform onto a fine grid, then straight lines on it
+    # band-limited values: a longer transform gives a fine grid, which has the new times or is 8 times as
+    # fine; then straight lines on it
     step = float(time[1] - time[0])
     refine = max(1, round(dt_old / step))
     if not np.isclose(refine * step, dt_old, rtol=1e-9):
@@ -82,11 +89,16 @@ def _refuse_huge(samples: float, what: str) -> None:
 
 
 def resample_motion(motion: GroundMotion, dt: float, *, band_limited: bool = False) -> NDArray[np.float64]:
-    """Resample a ground motion (3, nt) to the analysis step, as its `resampling` says (else linear).
+    """Resample a ground motion to the analysis step, as `resampling` of its provenance says (else linear).
 
     Parameters
     ----------
+    dt : analysis step [s]
     band_limited : "fourier" in any case
+
+    Returns
+    -------
+    (3, nt) acceleration [m/s2]
 
     Raises
     ------
@@ -101,28 +113,27 @@ def resample_motion(motion: GroundMotion, dt: float, *, band_limited: bool = Fal
 
 
 def lost_between(acc: NDArray[np.float64], dt: float, step: float) -> tuple[float, float]:
-    """Measure what straight lines between steps lose of a record that is straight between its samples.
+    """Measure what a record, straight between its samples, loses where it is straight between steps.
 
     Parameters
     ----------
     acc : (..., nt) acceleration [m/s2]
-    dt, step : of the record, and of the steps [s]
+    dt, step : sampling interval of the record, and length of the steps [s]
 
     Returns
     -------
-    (L2 over the samples, largest), relative to the record's
+    (L2, largest) of the loss at the samples, relative to that of the record
     """
-    taken = _linear_at(
-        acc, dt, np.arange(math.ceil((acc.shape[-1] - 1) * dt / step) + 1, dtype=np.float64) * step
-    )
-    lost = _linear_at(taken, step, np.arange(acc.shape[-1], dtype=np.float64) * dt) - acc
+    steps = math.ceil((acc.shape[-1] - 1) * dt / step)
+    at_steps = _linear_at(acc, dt, np.arange(steps + 1, dtype=np.float64) * step)
+    lost = _linear_at(at_steps, step, np.arange(acc.shape[-1], dtype=np.float64) * dt) - acc
     tiny = float(np.finfo(np.float64).tiny)
     share = float(np.linalg.norm(lost)) / max(float(np.linalg.norm(acc)), tiny)
     return share, float(np.abs(lost).max()) / max(float(np.abs(acc).max()), tiny)
 
 
 def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (..., n) at `time` (n,) [s] of what is linear between samples."""
+    """Values (..., n) at `time` (n,) [s] of what is linear between samples; the last one from its time on."""
     position = np.minimum(time / dt, acc.shape[-1] - 1)
     index = np.minimum(position.astype(np.int64), acc.shape[-1] - 2)
     weight = position - index
@@ -130,16 +141,21 @@ def _linear_at(acc: NDArray[np.float64], dt: float, time: NDArray[np.float64]) -
 
 
 def cut_or_extended(acc: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """The first samples of acceleration (3, nt), followed by rest where there are not as many."""
+    """The first samples of acceleration (3, nt), followed by zeros where there are not as many."""
     return np.pad(acc[:, :samples], ((0, 0), (0, max(0, samples - acc.shape[1]))))
 
 
 def strongest_part(motion: GroundMotion, seconds: float) -> tuple[float, GroundMotion]:
-    """Cut a motion to where its squared acceleration is largest; the first time [s], and the part."""
+    """Cut a motion to the seconds with the largest integral of squared acceleration, all components together.
+
+    Returns
+    -------
+    (start, part) : the time at which the part begins [s], and the part; 0 and the whole of a shorter motion
+    """
     length = round(seconds / motion.dt)
-    energy = np.concatenate([[0.0], np.cumsum((motion.acc**2).sum(axis=0))])
     if length + 1 >= motion.acc.shape[1]:
         return 0.0, motion
+    energy = np.concatenate([[0.0], np.cumsum((motion.acc**2).sum(axis=0))])
     first = int(np.argmax(energy[length + 1 :] - energy[: -length - 1]))
     return first * motion.dt, replace(motion, acc=motion.acc[:, first : first + length + 1])
 
@@ -147,15 +163,20 @@ def strongest_part(motion: GroundMotion, seconds: float) -> tuple[float, GroundM
 def even_series(
     times: NDArray[np.float64], values: NDArray[np.float64], digit: float, location: str
 ) -> tuple[NDArray[np.float64], float, tuple[str, ...]]:
-    """Values of digitized film at an even interval, that interval [s], and what is said of it.
+    """Bring values of digitized film to an even interval.
 
-    Film has a time with every value, at uneven steps: straight lines make a series of it.
+    Film has a time with every value. Where the times are even but for their last printed digit, the values
+    stay as they are. Otherwise straight lines between them are sampled.
 
     Parameters
     ----------
     times, values : (n,) as printed, times in s
     digit : last printed digit of the times [s]
     location : names the channel in errors
+
+    Returns
+    -------
+    (values, interval, warnings) : (m,) at the interval [s]; a warning where they were sampled
 
     Raises
     ------
