@@ -1,5 +1,14 @@
 """The runs of a suite: what they are, which of them are done, and the tasks that make the others.
 
+A run is a record at one scale on one sample of the parameters. Parameters of joints and damping leave the
+blocks as they are, so that one basis serves all samples; it needs the gaps' tangential directions if any
+sample has shear. Structural parameters (materials, levels of water) change blocks or loads. The basis then
+answers the loads at the extremes of all samples too (`Samples.also`), and the matrices of each sample are
+taken over it.
+
+Every run has a key, the digest of all that its numbers depend on. Rows of the journal with the key of a run
+are not made again. Runs of one time step are integrated together, in tasks.
+
 Everything that can be wrong with a suite is found here, before anything is reduced or run.
 """
 
@@ -61,7 +70,7 @@ LAYOUT = "romdam-suite-2"
 TASK_BYTES = 300e6  # of histories in memory, for the runs that are integrated together
 MOST_TOGETHER = 32
 
-# of a joint, what samples may vary: it stands in the key of each
+# what samples may vary of a joint: it is in the content of each sample, and so not in the model's key
 _OF_SAMPLES = {"gap", "K_n", "K_nz", "K_s", "mu", "viscosity", "grout", "laws"}
 
 
@@ -74,9 +83,10 @@ class Plan:
     job : the configuration, with what its suite implies for the single runs
     scene : with the joints of a sample with shear, if there is one: its basis serves all samples
     records : all of them, in order
-    samples, design : what the samples vary; the same as a Dataset
+    samples, design : what the samples vary, and their values; the same as a Dataset
     runs : of the records that can be used, in the order of the design
-    distinct : samples that differ, where `samples` are some of the design's; None where they are all
+    distinct : how many samples of the whole design differ, where `samples` are some of them; None where they
+        are all
     considered : records of entries with a target, those that were passed over too
     mesh_statement : of the error of the mesh that `transient.accuracy.total` has chosen
     """
@@ -165,6 +175,7 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
         design, distinct = some_samples(design, most)
     columns = {name: design[PARAMETER + name].values for name in places}
     samples = _samples(places, columns, design.sizes["sample"])
+
     with clock.stage("scene", "building the scene"):
         scene = scene_of(job)
         job = log_scene_warnings(scene, job)
@@ -175,6 +186,7 @@ def make_plan(job: Job, clock: Clock, most: int | None = None) -> Plan:
     with clock.stage("samples", Counted(len(samples.values), "samples")) as progress:
         samples, scene = built_samples(job, scene, samples, progress)
     runs = _runs(records, _model_key(job, scene, samples.also or ()), samples.contents)
+
     # a summary without runs, written to nowhere: a name that it cannot hold is found before the first run
     unmeasured = [replace(record, motion=None) for record in records]
     with TemporaryDirectory() as folder:
@@ -216,6 +228,7 @@ def plan_of_samples(plan: Plan, places: dict[str, VariedKey], columns: Mapping[s
 
 
 def _samples(places: dict[str, VariedKey], columns: Mapping[str, Floats], count: int) -> Samples:
+    """Samples of so many rows of columns of values; without contents yet."""
     return Samples(places, tuple({n: float(v[i]) for n, v in columns.items()} for i in range(count)))
 
 
@@ -236,9 +249,9 @@ def _loads_follow(job: Job, key: VariedKey) -> bool:
 
 
 def built_samples(job: Job, scene: Scene, samples: Samples, progress: Progress) -> tuple[Samples, Scene]:
-    """Samples with their contents, and the scene of which the basis is made.
+    """Build every sample: the samples with their contents, and the scene of which the basis is made.
 
-    It has the joints of the first sample with shear, if there is one: its basis serves all samples.
+    That scene has the joints of the first sample with shear, if there is one: its basis serves all samples.
 
     Raises
     ------
@@ -270,10 +283,10 @@ def _refuse_kept_stress(job: Job, scene: Scene, samples: Samples) -> None:
 
 
 def extreme_scenes(job: Job, samples: Samples, columns: Mapping[str, Floats]) -> tuple[Scene, ...]:
-    """The scenes at the lowest and the highest level and temperature that samples have, built anew.
+    """The scenes of the samples with the lowest and the highest level and temperature, built anew.
 
-    So one that a run would refuse is refused here, and the basis answers the loads at both. Where
-    the modulus scales loads by temperature beside others, that of the largest is there too.
+    What a run would refuse is refused here, and the basis answers the loads of all these scenes. Where a
+    modulus scales loads by temperature, that of its largest value is among them.
 
     Raises
     ------
@@ -343,6 +356,13 @@ def read_records(job: Job, tell: Callable[[Loaded], None] | None = None) -> list
 
 
 def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) -> list[Run]:
+    """Every record that can be used at every scale on every sample, with its key.
+
+    Parameters
+    ----------
+    about : key of the model, see `_model_key`
+    samples : contents of the samples
+    """
     runs = []
     for i, record in enumerate(records):
         if record.motion is None:
@@ -358,10 +378,10 @@ def _runs(records: Sequence[SuiteRecord], about: str, samples: Sequence[str]) ->
 
 
 def _model_key(job: Job, scene: Scene, also: Sequence[Scene] = ()) -> str:
-    """Of everything but the records and what the samples vary.
+    """Digest of everything that runs depend on but the records and what the samples vary.
 
-    What a sample without friction answers depends on the basis, which has the gaps' tangential directions
-    where any sample has shear.
+    The directions of the gaps are in it, because the numbers of a sample without friction depend on whether
+    the basis has the tangential ones.
     """
     config, suite = job.config, job.config.suite
     parts = {"nodes", "floor_spectra", "output_interval", "stress", "error_estimate"}
@@ -423,7 +443,7 @@ def tasks_of(suite: Suite, plan: Plan, done: dict[str, SuiteRow]) -> list[Task]:
     """
     motions, most = plan.motions, suite.config.batch or MOST_TOGETHER
     groups: list[list[Run]] = []
-    room = 0.0
+    room = 0.0  # bytes of histories that the last group may still take
 
     def order(run: Run) -> tuple[float, int, int, str, int]:
         motion = motions[run.record]
