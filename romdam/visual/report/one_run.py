@@ -1,4 +1,10 @@
-"""The report of one run: what was assumed, what came of it, how far to trust it, from its file alone."""
+"""The report of one run: what was assumed, what came of it, how far to trust it, from its file alone.
+
+`RUN_SECTIONS` lists the sections in their order. Each is a function that takes the run (`RunSubject`) and
+returns the tables, figures and sentences of its subject, or None where the run has nothing of it. Values are
+in SI in the result; `RunSubject.column` brings those of a column to one unit that suits the largest of them,
+in the units of the report.
+"""
 
 from __future__ import annotations
 
@@ -108,7 +114,12 @@ class RunSubject:
     command: str = ""
 
     def column(self, units: str, values: Sequence[float]) -> tuple[list[float], str]:
-        """Numbers in the unit that suits them, round-off as 0, and its name."""
+        """Values of one quantity in the unit that suits the largest of them, round-off as 0; its name.
+
+        Parameters
+        ----------
+        units : of the values in SI, such as "Pa"
+        """
         largest = max((abs(value) for value in values if np.isfinite(value)), default=0.0)
         size, unit = self.system.suited(units, largest)
         return [0.0 if abs(value) < NOTHING else value / size for value in values], unit
@@ -119,7 +130,7 @@ class RunSubject:
         return f"{number(shown)} {unit}".strip()
 
     def figures(self, *names: str) -> list[Part]:
-        """Those of the figures that the result has data for."""
+        """The named ones of `FIGURES` that the result has data for, side by side."""
         drawn = list[PagePicture | None]()
         for name in names:
             with mpl.rc_context(STYLE):
@@ -129,7 +140,7 @@ class RunSubject:
 
 
 def run_report(subject: RunSubject) -> Report:
-    """The report of one run."""
+    """Make the report: the headline facts, then the sections; bases and lifts come before other joints."""
     subject = replace(subject, dataset=bearing_first(subject.dataset))
     attrs = subject.dataset.attrs
     created = str(attrs["date_created"]).replace("T", " ").replace("+00:00", " UTC")
@@ -139,6 +150,7 @@ def run_report(subject: RunSubject) -> Report:
 
 
 def _facts(subject: RunSubject) -> list[Fact]:
+    """The numbers that stand above the sections: sliding, opening, stress, stated error, warnings."""
     dataset, facts = subject.dataset, list[Fact]()
     slides = sliding(dataset)
     if slides:
@@ -369,7 +381,7 @@ def bases_section(subject: RunSubject) -> PageSection | None:
 
 
 def joints_section(subject: RunSubject) -> PageSection | None:
-    """The same of the other joints, and the histories of all of them."""
+    """Joints that are no bases or lifts: their peaks and how they slide; histories of all joints."""
     if "joint" not in subject.dataset or not subject.dataset.joint.size:
         return None
     bearing = bearing_joints(subject.dataset)
@@ -397,6 +409,7 @@ def _joint_tables(subject: RunSubject, names: Collection[str]) -> list[Part]:
             numbers, unit = subject.column(units, column)
             head.append(f"{text} [{unit}]")
             values.append(list(numbers))
+    # behind the largest opening, which every result has
     times = [joint.opening_time for joint in peaks]
     head.insert(2, "at [s]")
     values.insert(1, [PageCell("–" if when is None else f"{when:.2f}", "n", when) for when in times])
@@ -485,9 +498,8 @@ def maxima_section(subject: RunSubject) -> PageSection:
     if "stress_position" in dataset:
         dataset = dataset.assign(stress_position=dataset.stress_position / subject.system.foot[0])
     every, rows = maxima(dataset), list[list[Value]]()
-    stated = [
-        row for row in every if not row.quantity.startswith("joint ")
-    ]  # which have a table of their own
+    # joints have a table of their own
+    stated = [row for row in every if not row.quantity.startswith("joint ")]
     for row in stated:
         (value,), unit = subject.column(row.unit, [row.value])
         rows.append(
@@ -552,7 +564,7 @@ def keys_table(subject: RunSubject, caption: str, *sections: str) -> PageTable:
 
 
 def _value_text(subject: RunSubject, key: StatedKey) -> str:
-    """The value of a key in the report's units."""
+    """The value of a key in the report's units: a word, a number or a list, which may be cut."""
     if isinstance(key.value, bool):
         return str(key.value).lower()
     numbers = list(_numbers(key.value))
@@ -572,6 +584,7 @@ def _value_text(subject: RunSubject, key: StatedKey) -> str:
 
 
 def _numbers(value: object) -> Iterator[float]:
+    """All numbers in a value and in the lists within it."""
     if isinstance(value, int | float):
         yield float(value)
     for member in value if isinstance(value, tuple) else ():
@@ -579,6 +592,7 @@ def _numbers(value: object) -> Iterator[float]:
 
 
 def _scaled_text(value: object, size: float) -> str:
+    """Text of a value whose numbers are divided by the size of their unit."""
     if isinstance(value, tuple):
         shown = [_scaled_text(member, size) for member in value[:_LONG_LIST]]
         more = ", …" if len(value) > _LONG_LIST else ""
