@@ -155,17 +155,22 @@ def suite_store(job: Job, folder: Path, cache: Path | None) -> BlockStore:
 
 
 def build_suite(plan: Plan, folder: Path, cache: Path | None, clock: Clock) -> Suite:
-    """The reduced model, once for all samples."""
-    job, scene = plan.job, plan.scene
+    """The reduced model, once for all samples; without its bases over the mesh where no run reads them."""
+    job, scene, samples = plan.job, plan.scene, plan.samples
     store = suite_store(job, folder, cache)
     with clock.stage("model", "reducing the blocks"), placed(job.path):
-        model = reduced_model(job, scene, store, estimated=True, also=plan.samples.also)
+        model = reduced_model(job, scene, store, estimated=True, also=samples.also)
     model = replace(model, stress=stress_fields(scene, model.reduced_at_rest))
-    suite = Suite(job, model, plan.samples, folder / RUNS_FOLDER, {})
+    suite = Suite(job, model, samples, folder / RUNS_FOLDER, {})
     if suite.keeps_results:
         files = write_shared(prepare_folder(suite.folder), model, rock=job.config.outputs.rock)
         suite = replace(suite, files=files, write=write_kept)
-    return suite
+    if samples.structural or (samples.places and model.stress and model.system.sustained is not None):
+        return suite
+    # what is sent to the workers holds what it maps: a basis of a file would be read into each process
+    assert model.reduced is not None
+    reduced = replace(model.reduced, basis={}, before={}, turns=(), reservoir=None)
+    return replace(suite, model=replace(model, reduced=reduced))
 
 
 def _make_missing(
