@@ -16,6 +16,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import Basis, BlockBasis, Rows
+from romdam.linalg.dense import inverse_of_positive
 
 
 @dataclass(frozen=True)
@@ -205,9 +206,23 @@ class Augmented:
 
     @property
     def within(self) -> Floats:
-        """(m, k) modes of the inner basis in terms of these."""
-        Q, R = np.linalg.qr(self.mix)
-        return np.asarray(np.linalg.solve(R, Q[: len(self.inner.omega2)].T))
+        """(m, k) modes of the inner basis in terms of these.
+
+        The vectors without mass, the last of both, are made of each other, and the modes of none of them
+        (`methods.flexible_rest`). They are eliminated first, which leaves a problem of the modes' size.
+        """
+        k, rest = len(self.inner.omega2), self.inner.massless
+        modes, massive = k - rest, self.mix.shape[1] - rest
+        others = np.r_[:modes, k : len(self.mix)]
+        within = np.zeros((self.mix.shape[1], k))
+        wanted = np.zeros((len(others), k))
+        wanted[:modes, :modes] = np.eye(modes)
+        if rest:
+            within[massive:, modes:] = inverse_of_positive(self.mix[modes:k, massive:])
+            wanted[:, modes:] = -self.mix[others, massive:] @ within[massive:, modes:]
+        Q, R = np.linalg.qr(self.mix[others, :massive])
+        within[:massive] = np.linalg.solve(R, Q.T @ wanted)
+        return within
 
     @property
     def _upper(self) -> Floats:

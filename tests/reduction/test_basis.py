@@ -19,9 +19,9 @@ def mapped(array, folder):
     return Mapped.of(folder / "basis", 16, array.shape)
 
 
-def inner(vectors):
+def inner(vectors, massless=0):
     columns = vectors.shape[1]
-    return BlockBasis(vectors, slice(0, columns), np.ones(columns), np.zeros((columns, 3)), {})
+    return BlockBasis(vectors, slice(0, columns), np.ones(columns), np.zeros((columns, 3)), {}, massless)
 
 
 KINDS = {
@@ -81,3 +81,20 @@ def test_coordinates_that_are_kept_are_not_mixed():
 def test_a_mapped_basis_cannot_be_changed(tmp_path):
     with pytest.raises(ValueError, match="read-only"):
         mapped(WHOLE, tmp_path).rows()[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("massless", [0, 4])
+def test_a_finer_basis_has_the_motions_of_the_one_that_it_contains(massless):
+    """Three modes and further vectors, with and without mass; two vectors more make one mode more."""
+    modes, left = 3, rng.standard_normal((30, 9))
+    k = modes + massless
+    others = np.r_[:modes, k : k + 2]
+    mix = np.zeros((k + 2, k + 1))
+    mix[others, : modes + 1] = np.column_stack([np.eye(5, 3), rng.standard_normal(5)]) @ rng.random((4, 4))
+    if massless:
+        known = rng.standard_normal((massless, 2))
+        mix[modes:k, modes + 1 :] = np.eye(massless) + known @ known.T
+        mix[others, modes + 1 :] = mix[others, : modes + 1] @ rng.standard_normal((4, massless))
+    coarse = inner(Dense(left[:, :k]), massless)
+    finer = Augmented(coarse, left[:, k : k + 2], mix)
+    assert np.abs(finer.rows() @ finer.within - left[:, :k]).max() < 1e-12
