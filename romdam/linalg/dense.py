@@ -38,24 +38,6 @@ def eigh(K: Floats, M: Floats | None = None, kind: int = 1) -> tuple[Floats, Flo
     return np.asarray(values), np.asarray(vectors)
 
 
-def inverse_of_positive(A: Floats) -> Floats:
-    """Inverse of a symmetric positive definite matrix (n, n), whose lower triangle is read.
-
-    Raises
-    ------
-    scipy.linalg.LinAlgError
-        where A is not positive definite.
-    """
-    from scipy.linalg import LinAlgError, lapack
-
-    with threads_for(len(A), DENSE_EIGENPROBLEM):
-        L, failed = lapack.dpotrf(A, lower=1)
-        if failed:
-            raise LinAlgError(f"a matrix of {len(A)} rows is not positive definite, from row {failed} on")
-        inverse, _ = lapack.dpotri(L, lower=1, overwrite_c=1)
-    return np.asarray(np.tril(inverse) + np.tril(inverse, -1).T)
-
-
 def factors(A: Floats) -> tuple[Floats, Floats]:
     """A (n, m) as left (n, r) @ right (r, m): r of its columns, and each column as a combination of these.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,6 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import Basis, BlockBasis, Rows
-from romdam.linalg.dense import inverse_of_positive
 
 
 @dataclass(frozen=True)
@@ -208,21 +208,48 @@ class Augmented:
     def within(self) -> Floats:
         """(m, k) modes of the inner basis in terms of these.
 
-        The vectors without mass, the last of both, are made of each other, and the modes of none of them
-        (`methods.flexible_rest`). They are eliminated first, which leaves a problem of the modes' size.
+        Vectors without mass are eliminated first, which leaves a problem of the size of the others.
         """
-        k, rest = len(self.inner.omega2), self.inner.massless
-        modes, massive = k - rest, self.mix.shape[1] - rest
+        k, modes, massive = len(self.inner.omega2), self._modes, self.mix.shape[1] - self.inner.massless
         others = np.r_[:modes, k : len(self.mix)]
-        within = np.zeros((self.mix.shape[1], k))
-        wanted = np.zeros((len(others), k))
+        within, wanted = np.zeros((self.mix.shape[1], k)), np.zeros((len(others), k))
         wanted[:modes, :modes] = np.eye(modes)
-        if rest:
-            within[massive:, modes:] = inverse_of_positive(self.mix[modes:k, massive:])
-            wanted[:, modes:] = -self.mix[others, massive:] @ within[massive:, modes:]
+        if self.inner.massless:
+            Y, S = self._change
+            back = np.linalg.inv(np.eye(len(S)) + S) - np.eye(len(S))
+            of_others = self.mix[others, massive:]
+            within[massive:, modes:] = np.eye(len(Y)) + (Y @ back) @ Y.T
+            wanted[:, modes:] = -of_others - ((of_others @ Y) @ back) @ Y.T
         Q, R = np.linalg.qr(self.mix[others, :massive])
         within[:massive] = np.linalg.solve(R, Q.T @ wanted)
         return within
+
+    @property
+    def _modes(self) -> int:
+        return len(self.inner.omega2) - self.inner.massless
+
+    @cached_property
+    def _change(self) -> tuple[Floats, Floats]:
+        """Y (rest, p), of orthonormal columns, and S (p, p): vectors without mass among each other.
+
+        In terms of those of the inner basis they are 1 + Y S Y^T, for they differ by what they have of the
+        few other vectors (`methods.flexible_rest.with_more_without_mass`); no mode is made of them.
+        """
+        k, modes, massive = len(self.inner.omega2), self._modes, self.mix.shape[1] - self.inner.massless
+        others = np.r_[:modes, k : len(self.mix)]
+        Y, _ = np.linalg.qr(self.mix[others, massive:].T)
+        return Y, Y.T @ (self.mix[modes:k, massive:] @ Y) - np.eye(Y.shape[1])
+
+    def _from_inner(self, values: Floats) -> Floats:
+        """Rows (r, k) on the inner basis's modes as rows (r, m) on these."""
+        if not self.inner.massless:
+            return np.asarray(values @ self._upper)
+        modes, massive = self._modes, self.mix.shape[1] - self.inner.massless
+        (Y, S), rest = self._change, values[:, modes:]
+        rows = values[:, :modes] @ self.mix[:modes]
+        rows[:, massive:] += rest
+        rows[:, massive:] += ((rest @ Y) @ S) @ Y.T
+        return np.asarray(rows)
 
     @property
     def _upper(self) -> Floats:
@@ -234,7 +261,7 @@ class Augmented:
 
     def rows(self, which: Rows = slice(None)) -> Floats:
         """Some rows (k, m)."""
-        return np.asarray(self.inner.vectors.rows(which) @ self._upper + self.more[which] @ self._lower)
+        return self._from_inner(self.inner.vectors.rows(which)) + self.more[which] @ self._lower
 
     def apply(self, q: Floats) -> Floats:
         """Displacement of coordinates."""
@@ -247,9 +274,7 @@ class Augmented:
 
     def under(self, operator: csr_matrix) -> Floats:
         """An operator on every vector."""
-        return np.asarray(
-            self.inner.vectors.under(operator) @ self._upper + (operator @ self.more) @ self._lower
-        )
+        return self._from_inner(self.inner.vectors.under(operator)) + (operator @ self.more) @ self._lower
 
 
 def over_coordinates(

@@ -83,18 +83,28 @@ def test_a_mapped_basis_cannot_be_changed(tmp_path):
         mapped(WHOLE, tmp_path).rows()[0, 0] = 1.0
 
 
-@pytest.mark.parametrize("massless", [0, 4])
+@pytest.mark.parametrize("massless", [0, 12])
 def test_a_finer_basis_has_the_motions_of_the_one_that_it_contains(massless):
-    """Three modes and further vectors, with and without mass; two vectors more make one mode more."""
-    modes, left = 3, rng.standard_normal((30, 9))
+    """Three modes and further vectors, with and without mass; two vectors more make one mode more.
+
+    What is without mass gives up what it has of the new vector, as `with_more_without_mass` has it.
+    """
+    modes, left = 3, rng.standard_normal((30, 17))
     k = modes + massless
     others = np.r_[:modes, k : k + 2]
+    new, turn = rng.standard_normal((5, 1)), rng.standard_normal((4, 4))
     mix = np.zeros((k + 2, k + 1))
-    mix[others, : modes + 1] = np.column_stack([np.eye(5, 3), rng.standard_normal(5)]) @ rng.random((4, 4))
+    mix[others, : modes + 1] = np.hstack([np.eye(5, modes), new]) @ turn
     if massless:
-        known = rng.standard_normal((massless, 2))
-        mix[modes:k, modes + 1 :] = np.eye(massless) + known @ known.T
-        mix[others, modes + 1 :] = mix[others, : modes + 1] @ rng.standard_normal((4, massless))
+        known = rng.standard_normal((massless, 1))
+        mix[modes:k, modes + 1 :] = np.eye(massless) + 0.1 * known @ known.T
+        mix[others, modes + 1 :] = new @ known.T
     coarse = inner(Dense(left[:, :k]), massless)
     finer = Augmented(coarse, left[:, k : k + 2], mix)
-    assert np.abs(finer.rows() @ finer.within - left[:, :k]).max() < 1e-12
+    whole, operator = left[:, : k + 2] @ mix, random_array((9, 30), density=0.3, format="csr", rng=rng)
+    for found, known in (
+        (finer.rows() @ finer.within, left[:, :k]),
+        (finer.rows(), whole),
+        (finer.under(operator), operator @ whole),
+    ):
+        assert np.abs(found - known).max() < 1e-12 * np.abs(whole).max()
