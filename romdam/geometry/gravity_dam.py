@@ -14,10 +14,12 @@ from itertools import pairwise
 import numpy as np
 
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
+from romdam.config.sections.geometry.refinement import Divisions
 from romdam.core.scene import Block, Bools, Ints, Material, Tie
 from romdam.geometry.arch_dam.generator import Dam
 from romdam.geometry.arch_dam.rock import graded, refuse_thin
 from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
+from romdam.geometry.divisions import GridElements, refuse_divisions
 from romdam.geometry.elements import ELEMENTS, Floats
 from romdam.geometry.facets import boundary_facets, row_numbers
 from romdam.geometry.meshes.quality import refuse_bad_cells
@@ -63,13 +65,22 @@ def gravity_dam(
     Raises
     ------
     ConfigError
-        for layers of rock that grow too fast.
+        for layers of rock that grow too fast, and divisions that leave elements inside out or too slender.
     MeshError
         for elements that are inside out.
     """
+
+    def mesh_of(divisions: Divisions) -> GridElements:
+        other = config.model_copy(update={"divisions": divisions})
+        lines = _lines(other, location)
+        owner = _owner(other, lines)
+        return _grid_elements(other, lines, owner, *_elements(other, lines, owner)[:2])
+
     lines = _lines(config, location)
     owner = _owner(config, lines)
     points, cells, tags = _elements(config, lines, owner)
+    mesh = _grid_elements(config, lines, owner, points, cells)
+    refuse_divisions(config.divisions, mesh, mesh_of, config.block_names, location)
     owner = np.repeat(owner[owner >= 0], len(cells) // int((owner >= 0).sum()))
     facets = [boundary_facets(cells[owner == n], config.element) for n in range(len(config.block_names))]
     # for each block, True for its facets that another block has too
@@ -195,6 +206,26 @@ def _elements(config: GravityDamConfig, lines: _Lines, owner: Ints) -> tuple[Flo
     both = np.concatenate([points, tags], axis=-1).reshape(-1, 6)
     both, cells = with_middle_nodes(both, cells, ELEMENTS[config.element])
     return np.ascontiguousarray(both[:, :3]), cells, both[:, 3:]
+
+
+def _grid_elements(
+    config: GravityDamConfig, lines: _Lines, owner: Ints, points: Floats, cells: Ints
+) -> GridElements:
+    """The elements with the division that counts them along each axis of the grid."""
+    i, j, k = np.nonzero(owner >= 0)
+    monolith = np.array([name.isdecimal() for name in config.slices])
+    first, last = lines.dam
+    axes = np.stack(
+        [
+            np.where(monolith[lines.slices[i]], "along", "banks"),
+            np.where(j < first, "upstream", np.where(j >= last, "downstream", "through")),
+            np.where(lines.z[k + 1] <= config.lowest, "depth", "up"),
+        ],
+        axis=1,
+    )
+    number = np.arange(np.prod([n + 1 for n in owner.shape])).reshape([n + 1 for n in owner.shape])
+    corners = hexahedra(number)[owner.ravel() >= 0]
+    return GridElements(points, cells, config.element, corners, owner[owner >= 0], axes)
 
 
 def _faces(

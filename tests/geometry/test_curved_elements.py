@@ -5,11 +5,15 @@ thick sphere where its radii follow one. Its volume, its answer to pressure and 
 converge with the order of the element, which they cannot where middle nodes stand on chords.
 """
 
+import re
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from arch_dams import DIVISIONS as ARCH_DIVISIONS
 from arch_dams import JOINTS, arch_dam
+from gravity_dams import DIVISIONS as GRAVITY_DIVISIONS
+from gravity_dams import gravity_dam
 from scipy.integrate import quad
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
@@ -21,7 +25,7 @@ from romdam.core.errors import ConfigError
 from romdam.fem.assembly import assemble
 from romdam.fem.loads import pressure_force
 from romdam.fem.stress import stress_operator
-from romdam.geometry.elements import ELEMENTS
+from romdam.geometry.elements import ELEMENTS, jacobians
 from romdam.geometry.meshes.quality import sound_volume
 
 OUTER, INNER, ANGLE = 50.0, 35.0, np.radians(40.0)  # radii [m], half the angle of the sector
@@ -239,27 +243,105 @@ def test_rock_follows_the_contact_and_keeps_its_box(make, element):
     assert np.abs(np.hypot(points[:, 0], points[:, 1] - y - radius) - radius).max() < 1e-9
 
 
-SLENDER = r"divisions\.through = 100: elements are too slender: in block C4 around \(.*\) m one has 0\.0991 m"
-INSIDE_OUT = (
-    r"divisions\.up = 1: the hex20 elements .* turn inside out, the worst in block C\d around .* above 0"
-)
-
-
-@pytest.mark.parametrize(
-    ("keys", "message"),
-    [
-        ({"divisions": {"along": 1, "through": 100, "up": 3}}, SLENDER),
-        ({"divisions": {"along": 1, "through": 1, "up": 100}}, r"up = 100: .* raise divisions\.along \(1\)"),
-        (
-            {  # a parabola through 60, 5 and 5 m is negative in between
-                "divisions": {"along": 1, "through": 1, "up": 1},
-                "crown": {"thickness": [[0, 60], [50, 5], [100, 5]]},
-                "arcs": {"upstream_radius": 125.0},
-            },
-            INSIDE_OUT,
+SPOILED = {
+    "40 through": (
+        arch_dam(element="hex20", ground=False, divisions={"along": 1, "through": 40, "up": 3}),
+        "arch_dam.divisions.through = 40: in block C2 around (-24.77, 0.7027, 85.67) m an element is",
+    ),
+    "200 up, tetrahedra": (
+        arch_dam(element="tet10", ground=False, divisions={"along": 1, "through": 1, "up": 200}),
+        "arch_dam.divisions.up = 200: in block C4",
+    ),
+    "crown of 0.3 m": (
+        arch_dam(
+            element="hex20",
+            ground=False,
+            divisions={"along": 1, "through": 4, "up": 2},
+            crown={"thickness": [[0, 6], [50, 1], [100, 0.3]]},
         ),
-    ],
-)
-def test_divisions_that_spoil_elements_are_refused(make, keys, message):
-    with pytest.raises(ConfigError, match=message):
-        make(arch_dam(ground=False, element="hex20", **keys))
+        "raise divisions.along to 7 and raise divisions.up to 14",
+    ),
+    "middle nodes on a crown that bends": (  # a parabola through 60, 5 and 5 m is negative in between
+        arch_dam(
+            element="hex20",
+            ground=False,
+            divisions={"along": 1, "through": 1, "up": 1},
+            crown={"thickness": [[0, 60], [50, 5], [100, 5]]},
+            arcs={"upstream_radius": 125.0},
+        ),
+        "arch_dam.divisions.up = 1: in block C2 around (-21.8, 15.84, 56.04) m a curved or skew hex20 is",
+    ),
+    "tetrahedra on a narrow arc": (
+        arch_dam(
+            element="tet10",
+            ground=False,
+            cantilevers=2,
+            divisions={"along": 1, "through": 1, "up": 3},
+            crown={"upstream": [[0, 0], [40, -9], [100, -2]], "thickness": [[0, 20], [100, 6]]},
+            arcs={"upstream_radius": [[0, 40], [100, 56]]},
+            valley=[[0, 14], [40, 30], [100, 52]],
+            abutment_height=20.0,
+        ),
+        "in block C1 around",
+    ),
+    "layers of a perimeter": (
+        arch_dam(element="hex8", divisions=ARCH_DIVISIONS | {"perimeter": 60}),
+        "arch_dam.divisions.perimeter = 60: in block perimeter around",
+    ),
+    "rock that grows fast": (
+        arch_dam(
+            element="hex8",
+            divisions=ARCH_DIVISIONS | {"rock": 8, "upstream": 8, "downstream": 8, "growth": 2.8},
+        ),
+        "arch_dam.divisions.growth = 2.8: in block rock_left around",
+    ),
+    "refined": (
+        arch_dam(element="hex20", ground=False, divisions={"along": 1, "through": 20, "up": 3, "refine": 1}),
+        "arch_dam.divisions.through = 20: in block C",
+    ),
+    "rows of unequal monoliths": (
+        gravity_dam(monoliths=[10, 16, 22], divisions=GRAVITY_DIVISIONS | {"through": 100, "up": 2}),
+        "gravity_dam.divisions.through = 100: in block monolith_1 around",
+    ),
+    "banks": (
+        gravity_dam(
+            divisions=GRAVITY_DIVISIONS | {"banks": 8, "upstream": 8, "downstream": 8, "growth": 2.8}
+        ),
+        "gravity_dam.divisions.growth = 2.8: in block rock_left around",
+    ),
+    "a sharp crest": (
+        gravity_dam(downstream=[[0, 70], [66.5, 19.25], [103, 0.2]], divisions=GRAVITY_DIVISIONS | {"up": 4}),
+        "gravity_dam.divisions.up = 4: in block monolith_1 around",
+    ),
+}
+
+
+def soundness(block):
+    """Least Jacobian determinant over the largest, and longest over shortest edge, of every cell."""
+    element = ELEMENTS[block.element]
+    xi = element.rule_of(5)[0] if element.box else element.rule[0]
+    determinant = np.linalg.det(jacobians(block.points, block.cells, element, xi))
+    ends = block.points[block.cells[:, np.array(element.edges)]]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    return determinant.min(axis=1) / determinant.max(axis=1), length.max(axis=1) / length.min(axis=1)
+
+
+@pytest.mark.parametrize("case", SPOILED)
+def test_divisions_that_spoil_elements_are_refused_with_ones_that_do_not(make, case):
+    raw, message = SPOILED[case]
+    with pytest.raises(ConfigError, match=re.escape(message)) as refused:
+        make(raw)
+    (key,) = raw.keys() & {"arch_dam", "gravity_dam"}
+    remedies = str(refused.value).split("; ")[-1].split(", or ")
+    for remedy in remedies:
+        changes = re.findall(r"(raise|lower) divisions\.(\w+) to ([\d.]+)", remedy)
+        assert len(changes) == remedy.count("divisions.")
+        divisions = dict(raw[key]["divisions"])
+        for change, name, value in changes:
+            assert (float(value) > divisions[name]) == (change == "raise")
+            divisions[name] = float(value) if name == "growth" else int(value)
+        scene = make(raw | {key: raw[key] | {"divisions": divisions}})
+        for name, block in scene.blocks.items():
+            least, slender = soundness(block)
+            assert least.min() > 0.0
+            assert slender.max() < (1200.0 if name.startswith("rock") else 120.0)  # diagonals of tetrahedra

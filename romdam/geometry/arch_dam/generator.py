@@ -21,12 +21,13 @@ from itertools import pairwise
 import numpy as np
 
 from romdam.config.sections.geometry.arch_dam import JOINT, PERIMETER, ROCK, ArchDamConfig
+from romdam.config.sections.geometry.refinement import Divisions
 from romdam.config.sections.ground import ViscousConfig
 from romdam.core.scene import Block, Bools, Ints, Material, Tie
-from romdam.geometry.arch_dam.divisions import refuse_divisions
 from romdam.geometry.arch_dam.rock import Ground, ground_grid
 from romdam.geometry.arch_dam.shape import ArchShape
 from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
+from romdam.geometry.divisions import GridElements, refuse_divisions
 from romdam.geometry.elements import ELEMENTS, Floats
 from romdam.geometry.facets import boundary_facets
 from romdam.geometry.meshes.quality import refuse_bad_cells
@@ -88,13 +89,22 @@ def arch_dam(config: ArchDamConfig, materials: dict[str, Material], location: st
     MeshError
         for elements turned inside out.
     """
-    config = config.model_copy(update={"divisions": config.divisions.refined})
-    shape = ArchShape(config, location)
-    halves = _dam_points(shape)
-    refuse_divisions(config, halves, location)
+    stated = config.divisions
+
+    def mesh_of(divisions: Divisions) -> GridElements:
+        other = config.model_copy(update={"divisions": divisions.refined})
+        halves = _dam_points(ArchShape(other, location))
+        ground = ground_grid(other, halves, location)
+        grid = _grid(other, halves, ground)
+        return _grid_elements(other, grid, ground, *_elements(grid, other.element)[:2])
+
+    config = config.model_copy(update={"divisions": stated.refined})
+    halves = _dam_points(ArchShape(config, location))
     ground = ground_grid(config, halves, location)
     grid = _grid(config, halves, ground)
     points, cells, tags = _elements(grid, config.element)
+    mesh = _grid_elements(config, grid, ground, points, cells)
+    refuse_divisions(stated, mesh, mesh_of, config.block_names, location)
     owner = np.repeat(grid.owner, len(cells) // len(grid.owner))
     zones = config.rock.zones if config.rock else {}
     material_of = dict.fromkeys(config.cantilever_names, materials[config.material])
@@ -194,6 +204,26 @@ def _elements(grid: _Grid, element: str) -> tuple[Floats, Ints, dict[bool, Float
         here = middle & np.isfinite(tag).all(axis=1)
         points[here] = grid.halves[is_dam][tuple(np.rint(2.0 * tag[here]).astype(int).T)]
     return points, cells, tags
+
+
+def _grid_elements(
+    config: ArchDamConfig, grid: _Grid, ground: Ground | None, points: Floats, cells: Ints
+) -> GridElements:
+    """The elements with the division that counts them along each axis of the grids."""
+    axes = np.tile(np.array(["along", "through", "up"], dtype="<U10"), (len(grid.cells), 1))
+    if ground is not None:
+        p, b, l = np.nonzero(ground.parts(list(config.block_names)) >= 0)
+        first, last = ground.under
+        on_foot = (ground.contact[p, 1] == 0) & (ground.contact[p + 1, 1] == 0)
+        axes[len(axes) - len(p) :] = np.stack(
+            [
+                np.where(on_foot, "along", "up"),
+                np.where(b < first, "upstream", np.where(b >= last, "downstream", "through")),
+                np.where(l < ground.layers, "perimeter", "rock"),
+            ],
+            axis=1,
+        )
+    return GridElements(points, cells, config.element, grid.cells, grid.owner, axes)
 
 
 def _faces(config: ArchDamConfig, block: Block, tags: Floats, ground: Ground | None) -> dict[str, Ints]:
