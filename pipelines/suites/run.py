@@ -14,6 +14,7 @@ from romdam.core.counted import Counted
 from romdam.core.errors import placed
 from romdam.core.files import prepare_folder, private_folder, sweep_parts
 from romdam.core.html.card import card
+from romdam.core.machine import return_free_memory
 from romdam.core.threads import one_thread
 from romdam.pipelines.jobs import load_config
 from romdam.pipelines.run import Clock, Stage, reduced_model, silent, write_shared
@@ -125,7 +126,9 @@ def run_suite(
     with suite_lock(folder), workers as pool:
         plan = make_plan(job, clock)
         suite = build_suite(plan, folder, options.cache, clock)
+        return_free_memory()  # each stage takes its own
         statement = state_mesh_error(plan, show, suite_store(plan.job, folder, options.cache))
+        return_free_memory()
         rows, count = _make_missing(suite, plan, folder, pool, clock, tell)
         if statement is not None:
             tell(statement.sentence)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import sys
 
 _SHARE = 0.8  # of the machine's memory, where no limit is given
 
@@ -18,6 +20,17 @@ def machine_memory() -> float:
         return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
     except (AttributeError, ValueError, OSError):
         return float("inf")
+
+
+def return_free_memory() -> None:
+    """Return to the system the memory that this process has freed, much of which the heap of glibc keeps.
+
+    Other C libraries return it themselves; there nothing is done.
+    """
+    if sys.platform == "linux":
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
 
 
 def shown_size(count: float) -> str:
