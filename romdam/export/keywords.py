@@ -16,6 +16,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.export.deck import Deck
 
 MODEL = "*INCLUDE, INPUT=mesh.inp\n*INCLUDE, INPUT=gaps.inp\n"
+_NOTHING = 1e-12  # weights, of which the largest in a row is near one: rounding errors are left out
 _REACH = 10.0  # [m] to which the force of a spring is tabulated
 _FREQUENCIES = 10  # that a deck asks for
 _ROUNDING = 1e-12  # of the largest force
@@ -127,7 +128,9 @@ def _equations(rows: csr_matrix, dofs: list[int]) -> list[str]:
     for dof, start, end in zip(dofs, rows.indptr[:-1].tolist(), rows.indptr[1:].tolist(), strict=True):
         columns = slice(start, end)
         terms = zip(rows.indices[columns].tolist(), rows.data[columns].tolist(), strict=True)
-        texts = [f"{c // 3 + 1}, {c % 3 + 1}, {_number(v)}" for c, v in ((dof, -1.0), *terms) if v]
+        texts = [
+            f"{c // 3 + 1}, {c % 3 + 1}, {_number(v)}" for c, v in ((dof, -1.0), *terms) if abs(v) > _NOTHING
+        ]
         lines += ["*EQUATION", str(len(texts))]
         lines += [", ".join(texts[k : k + 4]) for k in range(0, len(texts), 4)]
     return lines

@@ -3,6 +3,10 @@
 An array is reduced to its shape, the number of NaN, its largest value, mean, root mean square and two sums
 with weights that no permutation, sign or shift leaves as they are. Of a text count the numbers and the units
 that stand after them, not its words.
+
+What depends on the machine is left out. Modes of equal frequency turn in their plane with the last digit of a
+matrix, so only the length of a vector of modal coordinates counts. Printed numbers below a floor are rounding
+errors. A duration above a threshold moves with the root of an error where its signal touches the threshold.
 """
 
 from __future__ import annotations
@@ -26,7 +30,10 @@ Entry = list[Any]  # a kind, then numbers
 Digest = dict[str, Entry]
 
 TOLERANCE = 1e-6  # of an array's largest value; of each number of a text
-FLOOR = 1e-12  # what is smaller, in SI or as printed, is zero
+FLOOR = 1e-12  # what is smaller in SI is zero
+FORCE_FLOOR = 1e-4  # the same of what has the unit N, N m, Pa or J
+PRINTED_FLOOR = 1e-9  # what is smaller as printed is zero
+CROSSING_TOLERANCE = 1e-4  # of an array's largest value, where values are durations between crossings
 LONGEST = 60  # numbers of a text that are kept one by one
 _BOOKKEEPING = {  # of HDF5 and of netCDF
     "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DIMENSION_LABELS", "_Netcdf4Dimid",
@@ -47,9 +54,15 @@ NOISY_LINE = re.compile(
     r"|rounding|reduced blocks|Python|processor|romdam [0-9]|\b20[0-9]{2}-[0-9]{2}-[0-9]{2}",
     re.IGNORECASE,
 )
-# coordinates of modes, whose sign is free
-SIGN_IS_FREE = re.compile(r"reduced_coordinates|final_state:(?:[aqv]|model:(?:force|load|participation))$")
-_TIMED_ROW = re.compile("CPU|seconds|wall time")  # of a table
+# modal coordinates along the last axis, of which modes of equal frequency leave only the length
+MODAL = re.compile(r"reduced_coordinates|final_state:(?:[aqv]|model:(?:force|load|participation))$")
+SIGN_IS_FREE = re.compile("participation$")  # of each mode
+CROSSINGS = re.compile("duration")
+_OF_FORCE = re.compile(r"(?:^|\[)(?:N|N m|Pa|J)(?:$|\])")  # a unit, in a heading or a long name too
+_NOISY_ROW = re.compile("CPU|seconds|wall time|largest residual|ledger lacks")  # of a table
+_UNSETTLED = re.compile(r"still moved \S+ of [^\s)]+")  # of an iteration without end
+_POWER = re.compile("·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBER = re.compile(
     r"(?<![\w.])([-+]?(?:[0-9]+(?:,[0-9]{3})+|[0-9]+)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?)\s?(%|[A-Za-z]+[A-Za-z0-9/]*)?"
 )
@@ -60,13 +73,13 @@ _UNITS = {
 }  # fmt: skip
 
 
-def of_array(values: np.ndarray) -> Entry:
+def of_array(values: np.ndarray, floor: float = FLOOR) -> Entry:
     """Shape, NaN, largest, mean, rms and two weighted sums over the root of the number."""
     x = np.asarray(values, dtype=float).ravel()
     shape = "x".join(map(str, np.shape(values)))
     whole = x[np.isfinite(x)]
     largest = float(np.abs(whole).max(initial=0.0))
-    if not len(whole) or largest < FLOOR:
+    if not len(whole) or largest < floor:
         return [shape, len(x) - len(whole), 0.0]
     numbers = [largest]
     if len(x) > 1:
@@ -80,14 +93,22 @@ def of_array(values: np.ndarray) -> Entry:
     return [shape, len(x) - len(whole), *(_rounded(number) for number in numbers)]
 
 
+def of_modal(values: np.ndarray) -> Entry:
+    """Shape of modal coordinates, and what `of_array` has of their lengths along the last axis."""
+    shape = "x".join(map(str, np.shape(values)))
+    return [shape, *of_array(np.linalg.norm(np.atleast_1d(values), axis=-1))[1:]]
+
+
 def of_text(text: str) -> Entry:
     """Its numbers, or sums of them where there are many, and how often which unit stands after one."""
     numbers, units = [], Counter[str]()
     for line in text.splitlines():
         if NOISY_LINE.search(line):
             continue
-        for number, after in _NUMBER.findall(line):
-            numbers.append(float(number.replace(",", "")))
+        plain = _POWER.sub(lambda power: f"e{power[1].translate(_RAISED)}", _UNSETTLED.sub("", line))
+        for printed, after in _NUMBER.findall(plain):
+            number = float(printed.replace(",", ""))
+            numbers.append(0.0 if abs(number) < PRINTED_FLOOR else number)
             units.update({after} & _UNITS)
     after = " ".join(f"{unit}*{count}" for unit, count in sorted(units.items()))
     if len(numbers) <= LONGEST:
@@ -140,7 +161,10 @@ def _of_hdf5(group: h5py.Group, name: str) -> Iterator[tuple[str, Entry]]:
             continue
         values = node[()]
         if np.asarray(values).dtype.kind in "fiub":
-            yield inner, of_array(np.abs(values) if SIGN_IS_FREE.search(inner) else values)
+            said = [str(node.attrs.get(text, "")) for text in ("units", "long_name")]
+            floor = FORCE_FLOOR if any(map(_OF_FORCE.search, said)) else FLOOR
+            values = np.abs(values) if SIGN_IS_FREE.search(inner) else values
+            yield inner, of_modal(values) if MODAL.search(inner) else of_array(values, floor)
         else:
             texts = [t.decode() if isinstance(t, bytes) else str(t) for t in np.ravel(values)]
             yield inner, of_text("\n".join(texts))
@@ -183,7 +207,10 @@ def _of_table(path: Path, name: str) -> Iterator[tuple[str, Entry]]:
         if kept and len(kept) > len(values) / 2:
             yield (
                 f"{name}:{head}",
-                of_array(np.array([math.nan if value is None else value for value in values])),
+                of_array(
+                    np.array([math.nan if value is None else value for value in values]),
+                    FORCE_FLOOR if _OF_FORCE.search(head) else FLOOR,
+                ),
             )
         elif cells:
             yield f"{name}:{head}", of_text("\n".join(cells))
@@ -225,7 +252,7 @@ def words_of(page: str) -> str:
 
 
 def _untimed(row: re.Match[str]) -> str:
-    return "" if _TIMED_ROW.search(row[0]) else row[0]
+    return "" if _NOISY_ROW.search(row[0]) else row[0]
 
 
 def of_figure(figure: Any) -> Entry:
@@ -256,24 +283,25 @@ def differences(before: Digest, after: Digest) -> list[str]:
     lines = [f"{name}: is no longer there" for name in before if name not in after]
     lines += [f"{name}: is new" for name in after if name not in before]
     for name in before:
-        if name in after and (why := _differs(before[name], after[name])):
+        tolerance = CROSSING_TOLERANCE if CROSSINGS.search(name) else TOLERANCE
+        if name in after and (why := _differs(before[name], after[name], tolerance)):
             lines.append(f"{name}: {why}")
     return lines
 
 
-def _differs(before: Sequence[Any], after: Sequence[Any]) -> str:
+def _differs(before: Sequence[Any], after: Sequence[Any], tolerance: float) -> str:
     if len(before) != len(after):
         return f"{_shown(before)} -> {_shown(after)}"
     each = before[0] in ("numbers", "count")
     scale = max((abs(x) for x in (*before[2:], *after[2:]) if isinstance(x, (int, float))), default=0.0)
     for old, new in zip(before, after, strict=True):
         if isinstance(old, list):
-            if isinstance(new, list) and _differs(old, new):
-                return _differs(old, new)
+            if isinstance(new, list) and (why := _differs(old, new, tolerance)):
+                return why
         elif isinstance(old, str) or isinstance(new, str):
             if old != new:
                 return f"{old} -> {new}"
-        elif abs(old - new) > max(TOLERANCE * (max(abs(old), abs(new)) if each else scale), FLOOR):
+        elif abs(old - new) > max(tolerance * (max(abs(old), abs(new)) if each else scale), FLOOR):
             return f"{_shown(before)} -> {_shown(after)}"
     return ""
 
