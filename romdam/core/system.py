@@ -1,8 +1,8 @@
 """The linear system with its joints open, full or reduced, and what an integration of it returns.
 
-`System` is M u'' + C u' + K u = force - load s(t) + B^T p, with the jumps w = B u that the joint force p
-follows. The types before it are what its fields hold: the gaps' parameters and the water in them (`GapLaw`,
-`CrackedUplift`), what is known of rest and of construction, the motions s(t) that the load follows
+`System` is M u'' + (C - D D^T) u' + K u = force - load s(t) + B^T p, with the jumps w = B u that the joint
+force p follows. The types before it are what its fields hold: the gaps' parameters and the water in them
+(`GapLaw`, `CrackedUplift`), what is known of rest and of construction, the motions s(t) that the load follows
 (`Histories`, `Drive`), supports of their own motion (`PseudoStatic`), and moduli that differ under lasting
 loads (`SustainedStiffness`). `History` is the result of an integration.
 """
@@ -605,6 +605,7 @@ def with_parameters(system: System, law: GapLaw, damping: tuple[Floats, Floats] 
         diagonal = C.diagonal()
         own = diagonal[: system.solids]
         changed = diagonal.copy()
+        # `after` to the bit, where nothing else damps a mode
         changed[: system.solids] = np.where(own == before, after, own + (after - before))
         C = csr_matrix(diags_array(changed) if system.diagonal else C + diags_array(changed - diagonal))
     return replace(system, law=law, B=B, C=C, at_point=more, pseudo_static=moving)

@@ -151,15 +151,21 @@ class InclinedDrive:
         slow = np.array([np.sqrt(m.rho / wave_moduli(m)[0]) for m in self.field.materials])
         lead = int(np.ceil((RINGING * (height @ slow) + self._longest_delay()) / dt))
         total = lead + acc.shape[1]
+
+        # spectrum of the record after the lead, and before time for what rings on
         size = next_fast_len(total + 3 * lead, real=True)
         ended = np.pad(acc, ((0, 0), (0, lead)), mode="linear_ramp")  # a record that is cut off would ring
         spectrum = rfft(np.pad(ended, ((0, 0), (lead, size - total - lead))))
         omega = 2.0 * np.pi * rfftfreq(size, dt)
+
+        # share of it that passes, by the phase across a layer, which is one element high
         passed = taper(omega * float((height * slow).max()), PASSED, LEFT_OUT)
         passed[0] = 0.0
         count = int(np.flatnonzero(passed).max(initial=0)) + 1
         passed[1:count] *= self._not_amplified(omega[1:count])
         spectrum *= passed
+
+        # spectra of the forces, some frequencies at a time
         rows = sum(3 * len(side.nodes) for side in self.sides.values())
         rows = rows if self.onto is None else len(self.onto)
         forces = np.zeros((rows, len(omega)), dtype=complex)
@@ -170,6 +176,8 @@ class InclinedDrive:
             waves, base = self._field(omega[some], spectrum[:, some])
             each = np.concatenate([side.force(waves, base) for side in self.sides.values()])
             forces[:, some] = each if self.onto is None else self.onto @ each
+
+        # and back to time: the forces begin at zero, as w does
         of_time = irfft(forces, size)[:, :total]
         motions = {
             Motion.BASE: irfft(spectrum, size)[:, :total],

@@ -4,11 +4,12 @@ The loop integrates m modes and the joint force p in N = directions * n componen
 
     q'' + C q' + K q = f(t) + G^T p,      tau s' + s = p,      u = G q + R s + x(t),      p = law(u).
 
-G has the gaps' jumps in unit modal displacements. The modes with mass (and the damped ones of other time
-constants) are states q. Those without mass follow the joint force through one flexibility R, with the
-relaxation time tau: they are the quasi-static modes, and s is the relaxed joint force. x are jumps that no
-state and no force makes: what is fed back (`shift`), what the ground's acceleration makes by the quasi-static
-modes (`ground_jump`), and what moving supports make (`carried`).
+G has the gaps' jumps in unit modal displacements. Modes with mass are states q. Modes without mass follow the
+joint force through one flexibility R, with the relaxation time tau: they are the quasi-static modes, and s is
+the relaxed joint force. (Where there are several relaxation times, modes of another one are states too, see
+`romdam.timestepping.modal.mode_split`.) x are jumps that no state and no force makes: what is fed back
+(`shift`), what the ground's acceleration makes by the quasi-static modes (`ground_jump`), and what moving
+supports make (`carried`).
 
 Several runs of one model are integrated together. They share the model (`ModalModel`) and the coefficients of
 every step size (`StepHierarchy`). A base step may be cut into smaller ones: level 0 is the base step, and
@@ -164,7 +165,7 @@ class ModalState(NamedTuple):
     slip_rate : (n, 2) mean over the last step along j and k; empty without shear [m/s]
     tries : `TRIES`: steps accepted and refused, largest relative residual of the gap-space problem
     refusals : (levels,) `REFUSALS`: steps of the level refused since one was accepted, and how often since
-        the last of them the run could have gone up to it
+        the last refusal the run could have gone back to this longer step
     peaks : (n,) `romdam.timestepping.peaks.PEAKS`, over every step
     """
 
