@@ -1,4 +1,10 @@
-"""A job as a script of another code, or as matrices: `romdam export`."""
+"""A job as a script of another code, or as matrices: `romdam export`.
+
+A script has the mesh of the job, its joints and one record, in words of the other code. The scene becomes a
+neutral description, a `Deck` (`romdam.export.build`), and the module of the code turns that into text. What
+romdam finds at rest before a run, grouting and the water in cracked joints, is computed here and goes into
+the deck with the joints. Matrices are those of the blocks and of the system, as a run takes them.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +44,9 @@ class ExportOptions:
     Attributes
     ----------
     code : a key of `romdam.export.codes.CODES`
-    record : its name; the first one if not given
-    dt : step [s]; the finest one, or a quarter of the record's if not given
-    duration : of the record that is kept [s]; that of the configuration or all if not given
+    record : name of a record; the first one if None
+    dt : step [s]; the job's finest one, or a quarter of the record's, if None
+    duration : of the record that is kept [s]; that of the configuration, or all, if None
     """
 
     code: str
@@ -51,7 +57,14 @@ class ExportOptions:
 
 @dataclass(frozen=True)
 class Exported:
-    """Files that were written, and what in them differs from romdam's model."""
+    """What was written.
+
+    Attributes
+    ----------
+    paths : files
+    stated : what in them differs from romdam's model, one sentence each
+    said : record, number and length of the steps, for the user
+    """
 
     paths: tuple[Path, ...]
     stated: tuple[str, ...]
@@ -85,6 +98,7 @@ def export_deck(job: Job, out: str | Path, options: ExportOptions, show: Stage =
         for line in with_lines(job, scene.remarks):
             log.warning("%s", line)
         config, law = job.config, None
+        # grouting and water in cracked joints follow from the state at rest, of the unreduced system
         gaps, tolerance = gap_law(scene), config.transient.tolerance
         if gaps.grout.any() or gaps.uplift:
             rest = with_uplift_at_rest(grouted(assemble_full(scene, config.damping), tolerance), tolerance)

@@ -1,4 +1,11 @@
-"""Blocks read from mesh files, of the formats in `FORMATS`."""
+"""Blocks read from mesh files, of the formats in `FORMATS`.
+
+A reader gives a `MeshFile`: all nodes, and elements kind by kind (solids, and facets of surfaces), with
+groups of both. A block takes the solid elements of one group, or of all, or of one body of them. These are
+its `members`: element numbers in every kind of the file. Its nodes are those of its elements, counted anew.
+Groups of facets and sets of nodes become its named faces, where they lie on its boundary. Wrong elements are
+refused where a block takes them; what else is odd in a file is a remark.
+"""
 
 from __future__ import annotations
 
@@ -47,11 +54,11 @@ FORMATS: dict[str, Callable[[Path, str], MeshFile]] = {
 
 
 class MeshFiles:
-    """The mesh files of a scene: each is read once, and what of it no block has used is said in the end.
+    """The mesh files of a scene: each is read once, and `unused` says what of it no block has taken.
 
     Parameters
     ----------
-    folder : that relative paths start at
+    folder : at which relative paths start
 
     Attributes
     ----------
@@ -79,7 +86,7 @@ class MeshFiles:
         file = self._file(path, location)
         label, members = _members(file, config.group, path, location)
         if (path, label) not in self._bodies:
-            if not _solids(file, members):
+            if not _solid_count(file, members):
                 raise MeshError(f"{location}.file: {path} has no solid elements, and so no bodies")
             self._bodies[path, label] = find_bodies(file, members)
         return self._bodies[path, label]
@@ -124,7 +131,7 @@ class MeshFiles:
         path = self.folder / config.file
         scale = to_si(f"1 {config.unit}", "m")
         file = self._file(path, location)
-        if name in file.groups and _solids(file, file.groups[name]) and str(config.group) != name:
+        if name in file.groups and _solid_count(file, file.groups[name]) and str(config.group) != name:
             taken = "all groups" if config.group is None else f"group {config.group!r}"
             self.remarks.append(f"{path}: block {name!r} takes {taken}, and there is a group {name!r} too")
         label, members = _members(file, config.group, path, location)
@@ -144,7 +151,7 @@ class MeshFiles:
         element, cells = _cells(file, members, file.left_out.get(label, ""), f"{location}.file: {path}")
         nodes, local = np.unique(cells, return_inverse=True)
         cells = local.reshape(cells.shape)
-        number = np.full(len(file.points) + 1, -1)  # the last is of nodes that the file does not give
+        number = np.full(len(file.points) + 1, -1)  # the last entry is for -1: a node that the file lacks
         number[nodes] = np.arange(len(nodes))
         faces = _faces(file, boundary_facets(cells, element), number)
         block = Block(
@@ -164,7 +171,7 @@ class MeshFiles:
         return block
 
     def _file(self, path: Path, location: str) -> MeshFile:
-        """A file, which is read the first time."""
+        """A file, which is read when it is asked for the first time."""
         if path not in self._read:
             file = self._read[path] = read_mesh_file(path, f"{location}.file")
             self._used[path] = [np.zeros(len(c.ids), dtype=bool) for c in file.cells]
@@ -172,7 +179,7 @@ class MeshFiles:
         return self._read[path]
 
     def numbered(self, config: MeshFileConfig) -> Numbered:
-        """The numbered nodes in the file of a block that has been made."""
+        """The numbers and positions [m] of all nodes in the file of a block that has been made."""
         file = self._read[self.folder / config.file]
         return Numbered(file.tags, file.points * to_si(f"1 {config.unit}", "m"), file.frames)
 
@@ -225,17 +232,17 @@ def read_mesh_file(path: Path, location: str) -> MeshFile:
 
 
 def _with_facets(file: MeshFile) -> MeshFile:
-    """A file with remarks on groups of facets that lie on no solid element.
+    """The file with its groups of facets judged: which are unsound as faces, and remarks on them.
 
-    No face are those of which solid elements have all corners and none has them as a face, and facets with a
-    fault.
+    A group is unsound as a face if one of its facets has a fault, or lies across solid elements: they have
+    all its corners, and none has it as a face. If facets lie apart from solid elements, that is a remark.
     """
     remarks, unsound = list[str](), dict[str, str]()
     solid = np.zeros(len(file.points) + 1, dtype=bool)
     for cells in file.cells:
         if cells.dim == 3:
             solid[cells.nodes] = True
-    solid[-1] = False  # nodes that the file does not give
+    solid[-1] = False  # the entry of -1: nodes that the file lacks
     if not solid.any():  # a surface
         return file
     for fault in file.faults:
@@ -297,14 +304,22 @@ def _on_faces(file: MeshFile, corners: Ints) -> Bools:
 
 
 def _members(file: MeshFile, group: str | int | None, path: Path, location: str) -> tuple[str, list[Ints]]:
-    """Label of a group, and its cell numbers in every kind of the file."""
+    """Label of a group of solid elements, and its element numbers in every kind of the file.
+
+    A group is asked for by its label or by the other label that `MeshFile.numbers` has for it.
+
+    Raises
+    ------
+    MeshError
+        for a group that does not exist, or has no solid elements.
+    """
     if group is None:
         return EVERYTHING, [np.arange(len(c.ids)) for c in file.cells]
     label = str(group)
-    if label not in file.groups or not _solids(file, file.groups[label]):
+    if label not in file.groups or not _solid_count(file, file.groups[label]):
         label = file.numbers.get(label, label)
-    if label not in file.groups or not _solids(file, file.groups[label]):
-        known = [g for g, members in file.groups.items() if _solids(file, members)]
+    if label not in file.groups or not _solid_count(file, file.groups[label]):
+        known = [g for g, members in file.groups.items() if _solid_count(file, members)]
         what = "holds no solid elements" if label in file.groups else "does not exist"
         raise MeshError(
             f"{location}.group: group {group!r} {what} in {path}; groups of solid elements are "
@@ -313,12 +328,19 @@ def _members(file: MeshFile, group: str | int | None, path: Path, location: str)
     return label, file.groups[label]
 
 
-def _solids(file: MeshFile, members: list[Ints]) -> int:
+def _solid_count(file: MeshFile, members: list[Ints]) -> int:
+    """Number of solid elements among some elements of every kind."""
     return sum(len(m) for m, cells in zip(members, file.cells, strict=True) if cells.dim == 3)
 
 
 def _cells(file: MeshFile, members: list[Ints], left_out: str, location: str) -> tuple[str, Ints]:
-    """The block's element and its cells, in the file's node numbers; `left_out` for messages."""
+    """The block's element and its cells (n, nodes of the element), by positions of nodes in the file.
+
+    Raises
+    ------
+    MeshError
+        for kinds of elements that no block is made of, or that do not go together in one.
+    """
     kinds: dict[str, list[Ints]] = {}
     for m, cells in zip(members, file.cells, strict=True):
         if cells.dim == 3 and len(m):
@@ -345,7 +367,13 @@ def _cells(file: MeshFile, members: list[Ints], left_out: str, location: str) ->
 
 
 def _faces(file: MeshFile, boundary: Ints, number: Ints) -> dict[str, Ints]:
-    """Named facets on the block's boundary, outward; `number` maps the file's nodes to the block's."""
+    """Named faces of a block: those of its boundary's facets that a group of facets, or a set of nodes, has.
+
+    Parameters
+    ----------
+    boundary : (nf, nodes per facet) facets of the block's boundary, outward, in the block's nodes
+    number : (nodes of the file + 1,) number in the block of every node of the file, -1 for other nodes
+    """
     width = facet_frame(boundary).corners
     keys = facet_keys(boundary[:, :width])
     index = {tuple(key): f for f, key in enumerate(keys.tolist())}
