@@ -212,7 +212,7 @@ def _grid_elements(
     """The elements with the division that counts them along each axis of the grids."""
     axes = np.tile(np.array(["along", "through", "up"], dtype="<U10"), (len(grid.cells), 1))
     if ground is not None:
-        p, b, l = np.nonzero(ground.parts(list(config.block_names)) >= 0)
+        p, b, l = np.nonzero(ground.blocks_of_cells(list(config.block_names)) >= 0)
         first, last = ground.under
         on_foot = (ground.contact[p, 1] == 0) & (ground.contact[p + 1, 1] == 0)
         axes[len(axes) - len(p) :] = np.stack(
