@@ -64,9 +64,7 @@ def mail_text(deck: Deck, groups: Groups) -> str:
     for number, solid in enumerate(deck.solids):
         members = first + np.arange(len(solid.cells))
         for element, rows, cells in kinds_of(solid.element, solid.cells):
-            order = element.cell.orders.get(
-                "aster"
-            )  # for every node in VTK's order its place in code_aster's
+            order = element.cell.orders.get("aster")  # of each node in VTK's order its place in code_aster's
             nodes = cells if order is None else cells[:, np.argsort(order)]
             lines += _cells(element.cell.aster, members[rows], nodes)
         lines += _group("GROUP_MA", block_group(number), "M", members)
