@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Ints
 from romdam.export.aster_mesh import Groups, block_group, mail_text, single_group
-from romdam.export.deck import Deck
+from romdam.export.deck import Deck, as_written
 from romdam.export.tables import assignments, comments, openings_head
 
 Relation = tuple[tuple[int, ...], tuple[str, ...], tuple[float, ...]]  # points, components, factors; sum is 0
@@ -50,7 +50,7 @@ def write_code_aster(deck: Deck) -> tuple[dict[str, str], tuple[str, ...]]:
     forces = np.concatenate([deck.force, of_jumps])
     loaded = np.flatnonzero(forces.any(axis=1))
     # tension stiffness acts in both signs, and so does shear without a bound
-    springs = np.column_stack([law.K_nz, np.where(sticks & ~slides, law.K_s, 0.0)])
+    springs = as_written(np.column_stack([law.K_nz, np.where(sticks & ~slides, law.K_s, 0.0)]))
     tension = {
         f"T{k}": tuple(kind) for k, kind in enumerate(np.unique(springs[law.K_nz > 0.0], axis=0).tolist())
     }
@@ -101,9 +101,10 @@ def _gap_kinds(deck: Deck) -> tuple[dict[str, dict[str, float]], dict[str, Ints]
     with np.errstate(divide="ignore", invalid="ignore"):
         coulomb = np.where(slides, friction * law.K_n / (law.K_n - law.K_nz), 0.0)
     columns = [law.K_n - law.K_nz, law.gap, slides * law.K_s, coulomb]
-    kinds, kind = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
+    of_gaps = np.column_stack(columns)
+    _, first, kind = np.unique(as_written(of_gaps), axis=0, return_index=True, return_inverse=True)
     laws, points = {}, {}
-    for k, (stiffness, gap, shear, friction) in enumerate(kinds.tolist()):
+    for k, (stiffness, gap, shear, friction) in enumerate(of_gaps[first].tolist()):
         keywords = {"RIGI_NOR": stiffness, "JEU": max(0.0, gap), "DIST_1": max(0.0, -gap)}
         laws[f"G{k}"] = keywords | ({"RIGI_TAN": shear, "COULOMB": friction} if shear else {})
         points[f"G{k}"] = deck.jump_points[kind.ravel() == k]

@@ -13,10 +13,9 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
-from romdam.export.deck import Deck
+from romdam.export.deck import Deck, as_written
 
 MODEL = "*INCLUDE, INPUT=mesh.inp\n*INCLUDE, INPUT=gaps.inp\n"
-_NOTHING = 1e-12  # weights, of which the largest in a row is near one: rounding errors are left out
 _REACH = 10.0  # [m] to which the force of a spring is tabulated
 _FREQUENCIES = 10  # that a deck asks for
 _ROUNDING = 1e-12  # of the largest force
@@ -84,7 +83,9 @@ def gaps_text(deck: Deck) -> str:
     lines += _equations(deck.jumps()[dofs], (dofs + 3 * (first - 1)).tolist())
     lines += ["*BOUNDARY", *(f"{first + gap}, 2, 3" for gap in np.flatnonzero(~sticks).tolist())]
     number = sum(len(solid.cells) for solid in deck.solids) + first - len(deck.points)
-    kinds, kind = np.unique(np.column_stack([law.K_n, law.K_nz, law.gap]), axis=0, return_inverse=True)
+    kinds, kind = np.unique(
+        as_written(np.column_stack([law.K_n, law.K_nz, law.gap])), axis=0, return_inverse=True
+    )
     for k, (K_n, K_nz, gap) in enumerate(kinds.tolist()):
         of_kind = np.flatnonzero(kind.ravel() == k)
         lines += [
@@ -95,8 +96,9 @@ def gaps_text(deck: Deck) -> str:
         lines += [f"{_number(-K_n * _REACH)}, {_number(-gap - _REACH)}", f"0.0, {_number(-gap)}"]
         lines.append(f"{_number(K_nz * _REACH)}, {_number(_REACH - gap)}")
         number += len(of_kind)
-    for k, stiffness in enumerate(np.unique(law.K_s[sticks]).tolist()):
-        sliding_gaps = np.flatnonzero(sticks & (law.K_s == stiffness))
+    K_s = as_written(law.K_s)
+    for k, stiffness in enumerate(np.unique(K_s[sticks]).tolist()):
+        sliding_gaps = np.flatnonzero(sticks & (K_s == stiffness))
         for axis in (2, 3):
             lines += [
                 f"*ELEMENT, TYPE=SPRING1, ELSET=S{k}_{axis}",
@@ -128,9 +130,7 @@ def _equations(rows: csr_matrix, dofs: list[int]) -> list[str]:
     for dof, start, end in zip(dofs, rows.indptr[:-1].tolist(), rows.indptr[1:].tolist(), strict=True):
         columns = slice(start, end)
         terms = zip(rows.indices[columns].tolist(), rows.data[columns].tolist(), strict=True)
-        texts = [
-            f"{c // 3 + 1}, {c % 3 + 1}, {_number(v)}" for c, v in ((dof, -1.0), *terms) if abs(v) > _NOTHING
-        ]
+        texts = [f"{c // 3 + 1}, {c % 3 + 1}, {_number(v)}" for c, v in ((dof, -1.0), *terms) if v]
         lines += ["*EQUATION", str(len(texts))]
         lines += [", ".join(texts[k : k + 4]) for k in range(0, len(texts), 4)]
     return lines

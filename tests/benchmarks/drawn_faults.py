@@ -1,7 +1,8 @@
 """Draw faults from the source at random, and count those that no test notices.
 
     python tests/benchmarks/drawn_faults.py [--seed 1] [--number 60] [--list] [--trace REACH.json]
-        [--reach REACH.json] [--first 0] [--out TABLE.jsonl]
+        [--reach REACH.json] [--first 0] [--quick] [--longest 600]
+        [--out TABLE.jsonl]
 
 A third of the places are in functions that numba compiles. A fault changes one operator, sign, factor, index,
 comparison, argument, term or bound of a line that computes. The tests that import its module are run first,
@@ -180,7 +181,7 @@ def importing(module: str) -> list[Path]:
     return sorted(files, key=lambda file: ("by_hand" not in file.name, str(file)))
 
 
-def noticed_by(fault: Drawn, tree: Path, reach: dict[str, list[str]]) -> str:
+def noticed_by(fault: Drawn, tree: Path, reach: dict[str, list[str]], quick: bool) -> str:
     """Plant a fault, run what may notice it and take it out: the first test that fails, or ""."""
     path, call = tree / fault.file, f"{fault.file}:{fault.function}"
     whole, times = path.read_bytes(), path.stat()
@@ -190,6 +191,7 @@ def noticed_by(fault: Drawn, tree: Path, reach: dict[str, list[str]]) -> str:
     runs = [tuple(tests)] if tests else []
     runs += [("tests/recorded", "-k", " or ".join(f"[{job}]" for job in jobs))] if jobs else []
     runs += [(f"tests/{name}",) for name in ROOMS[room]]
+    runs = runs[:1] if quick else runs
     path.write_bytes(whole[: fault.begin] + fault.new.encode() + whole[fault.end :])
     try:
         with tempfile.TemporaryDirectory(prefix="romdam-compiled-") as cache:
@@ -208,11 +210,14 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="run nothing")
     parser.add_argument("--trace", type=Path, help="write which functions each recorded job calls")
     parser.add_argument("--reach", type=Path, help="what --trace wrote; else all jobs that run compiled code")
+    parser.add_argument("--quick", action="store_true", help="only the tests that import the module")
+    parser.add_argument("--longest", type=float, default=600.0, help="seconds of one run of tests")
     parser.add_argument("--out", type=Path, help="a line for each fault")
     options = parser.parse_args()
     if options.trace:
         trace(options.trace)
         return
+    mutants.LONGEST = options.longest
     faults = draw(options.seed, options.number)
     if options.list:
         for k, fault in enumerate(faults):
@@ -226,7 +231,7 @@ def main() -> None:
         mutants.check_copy(tree)
         for k, fault in list(enumerate(faults))[options.first :]:
             begin = time.perf_counter()
-            why = noticed_by(fault, tree, reach)
+            why = noticed_by(fault, tree, reach, options.quick)
             row = asdict(fault) | {"number": k, "noticed_by": why}
             if options.out:
                 with options.out.open("a", encoding="utf-8") as file:
