@@ -293,6 +293,7 @@ def _differs(before: Sequence[Any], after: Sequence[Any], tolerance: float) -> s
     if len(before) != len(after):
         return f"{_shown(before)} -> {_shown(after)}"
     each = before[0] in ("numbers", "count")
+    floor = PRINTED_FLOOR if each else FLOOR
     scale = max((abs(x) for x in (*before[2:], *after[2:]) if isinstance(x, (int, float))), default=0.0)
     for old, new in zip(before, after, strict=True):
         if isinstance(old, list):
@@ -301,7 +302,7 @@ def _differs(before: Sequence[Any], after: Sequence[Any], tolerance: float) -> s
         elif isinstance(old, str) or isinstance(new, str):
             if old != new:
                 return f"{old} -> {new}"
-        elif abs(old - new) > max(tolerance * (max(abs(old), abs(new)) if each else scale), FLOOR):
+        elif abs(old - new) > max(tolerance * (max(abs(old), abs(new)) if each else scale), floor):
             return f"{_shown(before)} -> {_shown(after)}"
     return ""
 
