@@ -5,8 +5,8 @@ every node where gaps may be, 200 modes a block and steps of 0.2 %; of a generat
 finer of both meshes, the chosen and the given, in each direction. The cost is the CPU time of the run on the
 chosen setting, without the runs that found it, beside that of runs on given meshes, contact points, modes,
 residual vectors and steps (`--sweep`): the cheapest of these whose true error keeps the total is what the
-choice is held against. What cannot be
-cheaper than a setting that keeps it is not run. Prints a Markdown table.
+choice is held against. What cannot be cheaper than a setting that keeps it is not run. Prints a Markdown
+table.
 
     python tests/reference/total_truth.py [--case TEXT] [--record NAME] [--totals 5 2] [--seconds 8] [--sweep]
 """
@@ -149,9 +149,9 @@ def cheapest_setting(
     with suppress(RomdamError):
         kinds["quadratic"] = on_quadratic_elements(plain)
     for name, kind in dict(kinds).items():
-        corners = with_contact_points(kind, "corners")
-        if not has_linear_elements_only(kind) and corners.config != kind.config:
-            kinds[f"{name}, gaps at corners"] = corners
+        at_corners = all(joint.gaps == "corners" for joint in kind.config.every_joint.values())
+        if not has_linear_elements_only(kind) and not at_corners:
+            kinds[f"{name}, gaps at corners"] = with_contact_points(kind, "corners")
     best = (float("inf"), "none")
     for name, kind in kinds.items():
         for size, mesh in from_coarse(kind).items():
