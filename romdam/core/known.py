@@ -32,7 +32,9 @@ def _is_nothing(value: Any, default: Any) -> bool:
         return not value.nnz
     if isinstance(value, np.ndarray):
         return not value.any()
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool):
+        return value is (False if default is MISSING else default)
+    if isinstance(value, int | float):
         return not value or value == default
     return isinstance(value, Sized) and not len(value)
 

@@ -253,8 +253,10 @@ def test_what_a_field_holds():
         flags: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=bool))
         table: dict[str, int] = field(default_factory=dict)
         other: object = None
+        usual: bool = True
 
     assert contents(Case()) == ()
+    assert contents(Case(usual=False)) == ("usual",)
     assert contents(Case(3.0, np.array([False, True]), {"a": 0}, object())) == (
         "number", "flags", "table", "other",
     )  # fmt: skip
