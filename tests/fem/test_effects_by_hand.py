@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix, diags_array
 
-from romdam.core.scene import Sound
+from romdam.config.sections.job import BoxConfig
+from romdam.core.scene import Material, Sound, WetFace
 from romdam.effects.added_mass import AddedMass, added_mass_matrix, wet_modes
 from romdam.effects.channel import impedance_network, radiating_end
 from romdam.effects.compressible_water import Waves, reduced_waves
 from romdam.fem.water.body import WaterSection
+from romdam.fem.water.coupling import yielding_of_rock
+from romdam.geometry.boxes import box_block
+from romdam.scene.mortar.surface import MortarSurface
 
 
 def test_wet_mode_of_one_unknown():
@@ -43,6 +47,22 @@ def test_waves_of_a_channel_with_one_section_mode():
     _, _, network = impedance_network()
     assert end.K[0, 0] == pytest.approx(0.5 * 2.0 * network[0, 0])
     assert end.C[0, 0] == pytest.approx(0.5 / 1400.0)  # the network's first mass is zero
+
+
+def test_rock_gives_way_by_its_impedance_where_a_wall_lies_on_it():
+    """rho c_p = sqrt(2500 (lam + 2 mu)), of E 24 GPa and nu 0.2 sqrt(2500 x 26.667e9) = 8.1650e6 kg/(m2 s).
+
+    Of four floors of the water one lies on rock with mass, one half, one on rock without, one on none.
+    """
+    config = BoxConfig(origin=(0, 0, -1), size=(3, 1, 1), element_size=(1, 1, 1), element="hex8")
+    rock = box_block("rock", config, Material(E=24e9, nu=0.2, rho=2500.0), "s.yaml: blocks.rock.box")
+    config = BoxConfig(origin=(4, 0, -1), size=(2, 1, 1), element_size=(1, 1, 1), element="hex8")
+    light = box_block("light", config, Material(E=24e9, nu=0.2, rho=0.0), "s.yaml: blocks.light.box")
+    corners = [[x + dx, dy, 0.0] for x in (0.0, 2.0, 4.0, 6.0) for dx, dy in ((0, 0), (0, 1), (2, 1), (2, 0))]
+    walls = MortarSurface("water", np.array(corners), np.arange(16).reshape(4, 4))
+    wet = [WetFace("rock", rock.faces["zmax"]), WetFace("light", light.faces["zmax"])]
+    yields = yielding_of_rock(walls, wet, {"rock": rock, "light": light})
+    np.testing.assert_allclose(yields, np.array([1.0, 0.5, 0.0, 0.0]) / 8.16496580927726e6, rtol=1e-12)
 
 
 def test_what_a_reservoirs_modes_leave_to_its_flexibility():
