@@ -16,7 +16,11 @@ def shared_cache(tmp_path_factory):
     return tmp_path_factory.mktemp("reduced")
 
 
-@pytest.mark.parametrize("name", JOBS)
+LONG = ("blocks", "gravity", "suite")  # 16 to 43 s each
+NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in JOBS]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_all_that_a_job_writes_and_says(name, tmp_path, shared_cache, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(shared_cache))
     lines = differences_of(name, recorded(name, tmp_path / name))
