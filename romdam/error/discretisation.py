@@ -262,14 +262,14 @@ def _differences(
     ResultError
         where no gap of the one is at a gap of the other, or the two have other times.
     """
-    found, sliding = compare(kind, judged, better), list[str]()
-    if "slip" in found.errors:
+    differences, sliding = compare(kind, judged, better), list[str]()
+    if "slip" in differences.errors:
         residual, sliding = _residual_slips(judged, better)
         if residual is not None:
-            order = ("opening", "slip", "residual_slip", *found.errors)
-            errors = found.errors | {"residual_slip": residual}
-            found = replace(found, errors={name: errors[name] for name in order})
-    return found, sliding
+            order = ("opening", "slip", "residual_slip", *differences.errors)
+            errors = differences.errors | {"residual_slip": residual}
+            differences = replace(differences, errors={name: errors[name] for name in order})
+    return differences, sliding
 
 
 def _error_over_difference(

@@ -36,8 +36,8 @@ def verification(reduced: ComparedRun, full: ComparedRun, about: Mapping[str, ob
     ResultError
         where no joint moved.
     """
-    found = compare("verification", reduced, full)
-    opening, details = found.errors["opening"], found.plain
+    differences = compare("verification", reduced, full)
+    opening, details = differences.errors["opening"], differences.plain
     if STRESS in reduced.histories and STRESS in full.histories:
         stress, stress_full = reduced.histories[STRESS], full.histories[STRESS]
         peak, peak_full = float(stress.max()), float(stress_full.max())
@@ -71,7 +71,7 @@ def verification(reduced: ComparedRun, full: ComparedRun, about: Mapping[str, ob
     }
     begin = f" from its {about['first_second']:g} s on" if about.get("first_second") else ""
     sentence = (
-        f"Against the unreduced mesh (generalised-alpha, dt {dt_full:g} s), {found.seconds:g} s of "
+        f"Against the unreduced mesh (generalised-alpha, dt {dt_full:g} s), {differences.seconds:g} s of "
         f"{about['record']}{begin}: peak opening differs by {percent(opening.peak)}, "
         f"all openings by {percent(opening.l2)} in L2."
     )

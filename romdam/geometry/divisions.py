@@ -140,7 +140,7 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
     of_axis = [edge[:, k == _AXIS_OF] for k in range(3)]
     least, most = (np.stack([f(e, axis=1) for e in of_axis], axis=1) for f in (np.min, np.max))
 
-    def place(hexahedron: int) -> str:
+    def middle_of(hexahedron: int) -> str:
         return "(" + ", ".join(f"{x:.4g}" for x in nodes[hexahedron].mean(axis=0)) + ")"
 
     determinant = _least_determinants(mesh)
@@ -153,7 +153,7 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
             f"{determinant[worst]:.4g} m3, limit above 0 ({np.count_nonzero(determinant <= 0.0)} of "
             f"{len(determinant)} are)",
             int(mesh.owner[hexahedron]),
-            place(hexahedron),
+            middle_of(hexahedron),
             {
                 str(name): 2 * getattr(stated, name)
                 for name in names
@@ -179,7 +179,7 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
         f"an element is too slender, {least[worst, k_short]:.3g} m {short} by {most[worst, k_long]:.3g} m "
         f"{long}, {ratio[worst]:.4g} times, limit {limit[worst]:g}",
         int(mesh.owner[worst]),
-        place(worst),
+        middle_of(worst),
         changes,
     )
 

@@ -399,15 +399,5 @@ class Sections(Model):
     @property
     def joint_places(self) -> dict[str, tuple[str, ...]]:
         """Path of every section with keys of joints, of dams and cuts too -> the joints that have them."""
-        places: dict[str, tuple[str, ...]] = {f"joints.{name}": (name,) for name in self.every_joint}
-        if self.gravity_dam:
-            places |= {
-                f"gravity_dam.joints.{kind}": of for kind, of in self.gravity_dam.joints_of_kinds.items()
-            }
-        if self.touching is not None and self.touching.pairs:
-            places[f"joints.{TOUCHING}"] = tuple(self.touching.pairs)
-        if self.arch_dam and self.arch_dam.joint_pairs:
-            places["arch_dam.joints"] = tuple(self.arch_dam.joint_pairs)
-        return places | {
-            f"cut.{name}.joints": tuple(cut.joint_pairs) for name, cut in self.cut.items() if cut.joint_pairs
-        }
+        single = {f"joints.{name}": (name,) for name in self.every_joint}
+        return single | {path: names for path, (_, names) in self.joint_sections.items() if names}
