@@ -55,12 +55,18 @@ class GridElements:
 
 @dataclass(frozen=True)
 class _Fault:
-    """The worst element: what is wrong with it, and values of divisions each of which may mend it."""
+    """The worst element: what is wrong with it, and values of divisions each of which may mend it.
+
+    Attributes
+    ----------
+    shape : what of the shape would mend it where divisions do not
+    """
 
     what: str
     block: int
     place: str
     changes: dict[str, float]
+    shape: str = "change the shape there"
 
 
 def refuse_divisions(
@@ -128,7 +134,7 @@ def refuse_divisions(
     raise ConfigError(
         f"{location}.divisions.{first} = {getattr(stated, first):.4g}: in block {blocks[fault.block]} around "
         f"{fault.place} m {fault.what}; "
-        f"{remedy or 'no divisions were found with which all elements are sound: change the shape there'}"
+        f"{remedy or f'no divisions were found with which all elements are sound: {fault.shape}'}"
     )
 
 
@@ -181,6 +187,7 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
         int(mesh.owner[worst]),
         middle_of(worst),
         changes,
+        *([f"make perimeter.thickness {math.ceil(over)} times what it is"] if short == "perimeter" else []),
     )
 
 

@@ -345,3 +345,16 @@ def test_divisions_that_spoil_elements_are_refused_with_ones_that_do_not(make, c
             least, slender = soundness(block)
             assert least.min() > 0.0
             assert slender.max() < (1200.0 if name.startswith("rock") else 120.0)  # diagonals of tetrahedra
+
+
+def test_a_perimeter_that_is_too_thin_for_any_divisions_is_refused_with_a_thickness_that_is_not(make):
+    def raw(thickness):
+        perimeter = {"material": "concrete", "thickness": thickness}
+        return arch_dam(element="hex20", perimeter=perimeter, divisions=ARCH_DIVISIONS | {"along": 1})
+
+    with pytest.raises(ConfigError, match="in block perimeter around") as refused:
+        make(raw(0.05))
+    (times,) = re.findall(r"make perimeter\.thickness (\d+) times what it is$", str(refused.value))
+    assert soundness(make(raw(0.05 * int(times))).blocks["perimeter"])[1].max() < 100.0
+    with pytest.raises(ConfigError, match="in block perimeter around"):
+        make(raw(0.05 * (int(times) - 2)))
