@@ -71,6 +71,7 @@ def test_pacoima_of_a_wrong_modulus_is_outside(concrete, rock):
         assert (wrong / right < 0.95).all()
 
 
+@pytest.mark.slow
 def test_pine_flat_of_a_wrong_model_is_outside():
     concrete = measured.PINE_FLAT_CONCRETE
     winter, summer, ratio = measured.pine_flat_periods(concrete | {"E": 0.5 * concrete["E"]})

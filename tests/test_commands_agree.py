@@ -36,7 +36,6 @@ FRICTION = 0.7  # after the earthquake
 JOINTS = ["between", "base_left", "base_right"]
 KINDS = ["hex8", "hex8 mortar", "hex8 spacing", "hex20", "hex20 spacing", "tet10 mortar", "tet10 spacing"]
 WAYS = ["as it is", "in another order", "in US units", "turned by 37 degrees"]
-SLOW = {*KINDS} - {"hex8 mortar"}
 WEDGE = {
     "inside": [2.0, 3.0, -1.0],
     "density": 2600.0,
@@ -252,7 +251,8 @@ def all_of(kind, way, folder, monkeypatch):
 
 
 @pytest.mark.usefixtures("unrendered")
-@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow) if k in SLOW else k for k in KINDS])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 def test_commands_tell_the_same_of_one_model(kind, tmp_path, monkeypatch):
     monkeypatch.setattr(mode_views, "draw_modes", lambda scene, dataset, path: path)
     known = all_of(kind, WAYS[0], tmp_path / "0", monkeypatch)

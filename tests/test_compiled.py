@@ -158,7 +158,13 @@ print(*rows.ravel(), *sorted(jit.CALLED))
 )
 
 
-@pytest.mark.parametrize("other", [(), ("linking",), ("cache",), ("linking", "cache")])
+@pytest.mark.parametrize(
+    "other",
+    [
+        *(pytest.param(each, marks=pytest.mark.slow) for each in ((), ("linking",), ("cache",))),
+        ("linking", "cache"),
+    ],
+)
 def test_another_numba_compiles_plainly_to_the_same_numbers(tmp_path, other):
     """`sticks` calls functions of other files, `doubled` takes a row of an array and writes one."""
     (tmp_path / "other.py").write_text(PLAIN)

@@ -218,7 +218,7 @@ def test_reduced_rock_moves_as_its_mesh():
         assert np.abs(total - full).max() < limit * np.abs(record).max()
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("axis", [0, *(pytest.param(axis, marks=pytest.mark.slow) for axis in (1, 2))])
 def test_small_angles_come_to_waves_that_come_straight_up(axis):
     """Of any component, damped by mass and stiffness: what a hundredth of a degree changes is small."""
     record = np.zeros((3, 250))

@@ -249,6 +249,7 @@ def sequence(number: int, folder: Path, usual: float) -> None:
     assert names <= {path.name for path in (folder / "out" / "runs").glob("*.nc")}
 
 
+@pytest.mark.slow
 def test_edits_and_kills_end_in_the_bits_of_a_fresh_run(cases, compiled, tmp_path):
     for number in range(cases(1, 200)):
         folder = tmp_path / str(number)

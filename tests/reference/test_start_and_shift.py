@@ -41,6 +41,7 @@ def test_run_from_a_written_state_goes_on_as_if_never_stopped(pounding):
     assert np.abs(rest.jump - whole.jump[row:]).max() < 1e-7 * np.abs(whole.jump).max()
 
 
+@pytest.mark.slow
 def test_a_start_knows_what_the_gaps_have_lost(pounding):
     """Bonds break between 4 and 5 s; forgotten, they would hold again."""
     system, ground = pounding

@@ -64,7 +64,7 @@ def changed(raw, **sections):
 
 
 def jobs():
-    """The jobs of the issue: what is unlike the others in each."""
+    """Jobs by what is unlike the others in each."""
     raw = yaml.safe_load(JOB)
     record = raw["records"][0]
     face = {"stress": {"strength": "1 MPa", "faces": [{"block": "left", "face": "ymin"}]}}

@@ -44,7 +44,10 @@ def without_place(message):
     return re.sub(r"^.*?suite\.yaml:(\d+:)? |^the configuration: |parameters\.[\w.*]+|\(suite.*", "", message)
 
 
-@pytest.mark.parametrize("name", ["loads", "water", "coefficients", "modal", *(law.__name__ for law in LAWS)])
+LONG = [pytest.param(name, marks=pytest.mark.slow) for name in ("water", "coefficients", "modal")]
+
+
+@pytest.mark.parametrize("name", ["loads", *LONG, *(law.__name__ for law in LAWS)])
 def test_every_path_gives_the_row_of_a_suite_with_that_sample(tmp_path, name):
     sections = {key: value for key, value in JOBS[name].items() if key in BASE or key in ("loads", "water")}
     sections |= {

@@ -248,6 +248,7 @@ def test_unsound_designs_are_refused_by_check(tmp_path, parameters, more, part):
     assert part in str(told.value) and "suite.yaml" in str(told.value)
 
 
+@pytest.mark.slow
 def test_salib_has_the_indices_of_a_suite_from_its_samples(tmp_path):
     """Total indices to round-off. SALib centres the responses by the mean of all runs before the first-order
     estimator, romdam by that of A and B: a shift d changes it by d mean(f_ABi - f_A) / V."""

@@ -263,7 +263,20 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("path", RUNS)
+LIKE_ANOTHER = (
+    "joints.gap.asperities.mu_smooth",
+    "joints.gap.normal_stiffness.per_gap",
+    "joints.gap.viscosity",
+)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(p, marks=[pytest.mark.slow] * (p.removeprefix("joints.gap.") in LIKE_ANOTHER))
+        for p in RUNS
+    ],
+)
 def test_a_suite_has_the_numbers_of_the_job_with_the_value(tmp_path, path):
     compare_with_the_job(tmp_path, path, *RUNS[path])
 
@@ -271,9 +284,9 @@ def test_a_suite_has_the_numbers_of_the_job_with_the_value(tmp_path, path):
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("materials.concrete.E_dynamic", "45 GPa"),
-        ("materials.concrete.E", "22 GPa"),
-        ("materials.concrete.E", "40 GPa"),  # one modulus in this sample
+        pytest.param("materials.concrete.E_dynamic", "45 GPa", marks=pytest.mark.slow),
+        pytest.param("materials.concrete.E", "22 GPa", marks=pytest.mark.slow),
+        pytest.param("materials.concrete.E", "40 GPa", marks=pytest.mark.slow),  # one modulus in this sample
         ("joints.gap.normal_stiffness", "5 GPa/m"),  # another state at rest
     ],
 )
