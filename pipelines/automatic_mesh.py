@@ -17,6 +17,7 @@ from romdam.config.other_mesh import (
     on_quadratic_elements,
     with_automatic_spacing,
     with_contact_points,
+    with_even_divisions,
     with_gaps_at_every_node,
     with_mesh_of,
     with_spacing,
@@ -328,8 +329,9 @@ def choose_mesh(job: Job, total: float, run_mesh: RunMesh, about: dict[str, obje
             name = tried.mesh(f"{last}, gaps at corners", corners)
             if tried.can_run(name):
                 mesh, last, points = corners, name, ", gaps at corners"
-        if _where_possible(coarser_by_direction, mesh):
-            return tried.by_direction(last)
+        even = _where_possible(with_even_divisions, mesh)
+        if even is not None:  # a dam, whose error is stated by direction
+            return tried.by_direction(last if even == mesh else tried.mesh(f"{last}, divisions even", even))
         coarser = _where_possible(on_coarser_mesh, mesh)
         if coarser is not None:
             coarse = tried.mesh(f"{kind}elements of twice the size{points}", coarser)

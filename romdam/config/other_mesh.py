@@ -6,14 +6,20 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from romdam.config.base import Model
 from romdam.config.load import Job
 from romdam.config.sections.geometry.arch_dam import ArchDamConfig
 from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
 from romdam.config.sections.geometry.mesh_file import MeshFileConfig
-from romdam.config.sections.geometry.refinement import MOST_DIVISIONS, Divisions
+from romdam.config.sections.geometry.refinement import (
+    MOST_DIVISIONS,
+    Counts,
+    Divisions,
+    every_count,
+    in_all,
+)
 from romdam.config.sections.joints import JointProperties
 from romdam.config.sections.study import ContactPoints
 from romdam.core.errors import ConfigError
@@ -69,12 +75,12 @@ def on_coarser_mesh(job: Job) -> Job:
                     _refuse_coarser(f"{job.path}: blocks.{name}.box", why)
         elif block.mesh is None or not block.mesh.refine:
             _refuse_coarser(f"{job.path}: blocks.{name}", "is of a file, which has no coarser mesh")
-    for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
+    for dam in (config.arch_dam, config.gravity_dam):
         if dam is not None and not dam.divisions.refine:
             for name in _OF_DAM:
-                if (count := getattr(dam.divisions, name)) % 2:
-                    location = f"{job.path}: {key}.divisions.{name}"
-                    _refuse_coarser(location, f"is {count}, which cannot be halved")
+                counts = getattr(dam.shared_divisions, name)
+                if any(n % 2 for n in (counts if isinstance(counts, tuple) else (counts,))):
+                    _refuse_counts(job, dam, name, "which cannot be halved")
     return _on_other_mesh(job, finer=False)
 
 
@@ -92,7 +98,9 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
 
     A dam without rock has no such direction. Odd numbers of elements that three divides become two thirds of
     what they are: every third node, and its gap, is in both meshes. Other odd divisions along an arch, which
-    hold no gaps, are rounded up, as odd numbers of layers of rock.
+    hold no gaps, are rounded up, as odd numbers of layers of rock. Up and through a gravity dam every
+    interval between elevations where something changes is so divided: an error that both meshes have in an
+    interval which they share does not show in their difference.
 
     Returns
     -------
@@ -101,31 +109,56 @@ def coarser_by_direction(job: Job) -> list[SiblingJob]:
     Raises
     ------
     ConfigError
-        for stiffnesses of single gaps, and odd numbers of elements through a dam or up that three does not
-        divide.
+        for stiffnesses of single gaps, and numbers of elements through a dam, or up, of which neither half
+        nor two thirds are whole.
     """
     key, dam = _quadratic_dam(job)
     if dam is None:
         return []
     _refuse_bound_to_mesh(job)
-    divisions, chain = dam.divisions.refined, list[SiblingJob]()
+    divisions, chain = dam.shared_divisions, list[SiblingJob]()
     for direction, names in DIRECTIONS.items():
-        counts = {name: getattr(divisions, name) for name in names if hasattr(divisions, name)}
-        coarser: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
-        times = max(count / ((count + 1) // 2) for count in counts.values())
+        coarser: dict[str, object] = {}
         if direction == "rock":
-            if not _has_ground(dam) or times == 1.0:
+            counts = {name: getattr(divisions, name) for name in names if hasattr(divisions, name)}
+            coarser = {name: (count + 1) // 2 for name, count in counts.items()}
+            if not _has_ground(dam) or coarser == counts:
                 continue
             times, coarser = 2.0, coarser | {"growth": divisions.growth**2}
-        elif times < 2.0 and not counts[direction] % 3:
-            times, coarser = 1.5, {direction: 2 * counts[direction] // 3}
-        elif times == 1.0 or (times < 2.0 and (direction != "along" or key == "gravity_dam")):
-            why = f"is {counts[direction]}, of which neither half nor two thirds are whole"
-            _refuse_coarser(f"{job.path}: {key}.divisions.{direction}", why)
+        else:
+            fewer = _coarser_counts(getattr(divisions, direction), rounded=_holds_no_gaps(dam, direction))
+            if fewer is None:
+                _refuse_counts(job, dam, direction, "of which neither half nor two thirds are whole")
+            times, coarser = fewer[0], {direction: fewer[1]}
         divisions = divisions.model_copy(update=coarser)
         changed = dam.model_copy(update={"divisions": divisions})
         chain.append(SiblingJob(direction, times, _of_another_mesh(job, {key: changed})))
     return [replace(each, job=_without_stress(each.job)) for each in chain[:-1]] + chain[-1:]
+
+
+def with_even_divisions(job: Job) -> Job:
+    """The job of a generated dam on quadratic elements with the next mesh that has a coarser one.
+
+    Numbers of elements of which neither half nor two thirds are whole become even; it is the same job where
+    there are none.
+
+    Raises
+    ------
+    ConfigError
+        for a job that is not of such a dam alone, and for stiffnesses of single gaps.
+    """
+    key, dam = _only_quadratic_dam(job)
+    _refuse_bound_to_mesh(job)
+    divisions = dam.shared_divisions
+    wanted = {
+        name: every_count(counts, lambda n: 2 * math.ceil(n / 2))
+        for name in _OF_DAM
+        if _coarser_counts(counts := getattr(divisions, name), rounded=_holds_no_gaps(dam, name)) is None
+    }
+    if not wanted:
+        return job
+    changed = dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
+    return replace(job, config=job.config.model_copy(update={key: changed}))
 
 
 def finer_in_direction(job: Job, direction: str) -> Job:
@@ -137,27 +170,78 @@ def finer_in_direction(job: Job, direction: str) -> Job:
         for a job that is not of a generated dam alone on quadratic elements, one without rock where that is
         the direction, and for more elements than a dam may have.
     """
+    key, dam = _only_quadratic_dam(job)
+    if direction == "rock" and dam.rock is None:
+        raise ConfigError(f"{job.path}: {key}: there is no rock to refine")
+    divisions = dam.shared_divisions
+    counts = {
+        name: every_count(getattr(divisions, name), lambda n: 2 * math.ceil(0.75 * n))
+        for name in DIRECTIONS[direction]
+        if hasattr(divisions, name)
+    }
+    if max(map(in_all, counts.values())) > MOST_DIVISIONS:
+        raise ConfigError(
+            f"{job.path}: {key}.divisions: more than {MOST_DIVISIONS} {direction} are not meshed"
+        )
+    wanted: dict[str, object] = dict(counts)
+    if direction == "rock":
+        wanted["growth"] = divisions.growth ** (1.0 / 1.5)
+    changed = dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
+    return replace(job, config=job.config.model_copy(update={key: changed}))
+
+
+def _coarser_counts(counts: Counts, *, rounded: bool) -> tuple[float, Counts] | None:
+    """How many times as large elements are on a coarser mesh whose nodes this one has, and their numbers.
+
+    Parameters
+    ----------
+    rounded : whether half may be rounded up, where nodes hold no gaps
+    """
+    each = counts if isinstance(counts, tuple) else (counts,)
+    if not any(n % 2 for n in each):
+        return 2.0, every_count(counts, lambda n: n // 2)
+    if not any(n % 3 for n in each):
+        return 1.5, every_count(counts, lambda n: 2 * n // 3)
+    if rounded and max(each) > 1:
+        half = every_count(counts, lambda n: (n + 1) // 2)
+        return in_all(counts) / in_all(half), half
+    return None
+
+
+def _holds_no_gaps(dam: ArchDamConfig | GravityDamConfig, direction: str) -> bool:
+    """Whether nodes along a direction hold no gaps: along an arch, whose joints part the cantilevers."""
+    return direction == "along" and isinstance(dam, ArchDamConfig)
+
+
+def _refuse_counts(job: Job, dam: ArchDamConfig | GravityDamConfig, name: str, why: str) -> NoReturn:
+    """Raise for numbers of elements that have no coarser mesh, with numbers that have one."""
+    divided, each = getattr(dam.divisions.refined, name), getattr(dam.shared_divisions, name)
+    stated = list(divided) if isinstance(divided, tuple) else divided
+    key = "arch_dam" if isinstance(dam, ArchDamConfig) else "gravity_dam"
+    even = every_count(each, lambda n: 2 * math.ceil(n / 2))
+    shared = ""
+    if isinstance(dam, GravityDamConfig) and each != divided:
+        shared = f", shared out as {list(each)} between {dam.ends_of_intervals[name]}"
+    wanted = list(even) if isinstance(even, tuple) else even
+    _refuse_coarser(
+        f"{job.path}: {key}.divisions.{name}", f"is {stated}{shared}, {why}", f"make it {wanted}, or "
+    )
+
+
+def _only_quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig]:
+    """Key and section of a job's generated dam.
+
+    Raises
+    ------
+    ConfigError
+        without one alone on quadratic elements.
+    """
     key, dam = _quadratic_dam(job)
     if dam is None:
         raise ConfigError(
             f"{job.path}: only a generated dam on quadratic elements is refined in one direction"
         )
-    if direction == "rock" and dam.rock is None:
-        raise ConfigError(f"{job.path}: {key}: there is no rock to refine")
-    divisions = dam.divisions.refined
-    wanted: dict[str, object] = {
-        name: 2 * math.ceil(0.75 * getattr(divisions, name))
-        for name in DIRECTIONS[direction]
-        if hasattr(divisions, name)
-    }
-    if direction == "rock":
-        wanted["growth"] = divisions.growth ** (1.0 / 1.5)
-    if max(value for value in wanted.values() if isinstance(value, int)) > MOST_DIVISIONS:
-        raise ConfigError(
-            f"{job.path}: {key}.divisions: more than {MOST_DIVISIONS} {direction} are not meshed"
-        )
-    changed = dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
-    return replace(job, config=job.config.model_copy(update={key: changed}))
+    return key, dam
 
 
 def _quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig | None]:
@@ -353,9 +437,11 @@ def _refuse_bound_to_mesh(job: Job) -> None:
                 )
 
 
-def _refuse_coarser(location: str, why: str) -> None:
+def _refuse_coarser(location: str, why: str, remedy: str = "") -> NoReturn:
     """Raise for what has no mesh of elements twice the size."""
-    raise ConfigError(f"{location}: {why}; compare with a finer mesh instead (`romdam verify --mesh finer`)")
+    raise ConfigError(
+        f"{location}: {why}; {remedy}compare with a finer mesh instead (`romdam verify --mesh finer`)"
+    )
 
 
 def _on_other_mesh(job: Job, *, finer: bool) -> Job:
@@ -376,8 +462,11 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
             if finer or divisions.refine:
                 divisions = _refined(divisions, finer=finer)
             else:
-                counts = divisions.model_dump(exclude={"growth", "refine"})
-                halved: dict[str, object] = {name: (count + 1) // 2 for name, count in counts.items()}
+                divisions = dam.shared_divisions
+                halved: dict[str, object] = {
+                    name: every_count(counts, lambda n: (n + 1) // 2)
+                    for name, counts in divisions.counts.items()
+                }
                 divisions = divisions.model_copy(update=halved | {"growth": divisions.growth**2})
             changed[key] = dam.model_copy(update={"divisions": divisions})
     return _of_another_mesh(job, changed)

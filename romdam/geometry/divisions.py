@@ -13,7 +13,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from romdam.config.sections.geometry.refinement import MOST_DIVISIONS, Divisions
+from romdam.config.sections.geometry.refinement import (
+    MOST_DIVISIONS,
+    Counts,
+    Divisions,
+    every_count,
+    in_all,
+)
 from romdam.core.errors import ConfigError, RomdamError
 from romdam.core.scene import Ints
 from romdam.geometry.elements import ELEMENTS, Floats, jacobians
@@ -65,7 +71,7 @@ class _Fault:
     what: str
     block: int
     place: str
-    changes: dict[str, float]
+    changes: dict[str, Counts | float]
     shape: str = "change the shape there"
 
 
@@ -96,14 +102,14 @@ def refuse_divisions(
     if fault is None:
         return
 
-    def mended(first: str) -> dict[str, float]:
+    def mended(first: str) -> dict[str, Counts | float]:
         """Changes that begin with one division and make all elements sound; empty if none were found."""
-        divisions, left, changed = stated, fault, dict[str, float]()
+        divisions, left, changed = stated, fault, dict[str, Counts | float]()
         for step in range(_STEPS):
             name = first if step == 0 else next(iter(left.changes))
             changed[name] = left.changes[name]
             divisions = divisions.model_copy(update={name: left.changes[name]})
-            larger = math.prod(max(v / getattr(stated, key), 1.0) for key, v in changed.items())
+            larger = math.prod(max(_size(v) / _size(getattr(stated, key)), 1.0) for key, v in changed.items())
             if len(mesh.owner) * larger > _MOST_ELEMENTS:
                 return {}
             try:
@@ -117,7 +123,7 @@ def refuse_divisions(
             left = tried
         return {}
 
-    ways = dict[str, dict[str, float]]()
+    ways = dict[str, dict[str, Counts | float]]()
     for name in fault.changes:
         if (changes := mended(name)) and changes not in ways.values():
             ways[name] = changes
@@ -125,15 +131,16 @@ def refuse_divisions(
     ways = {name: changes for name, changes in ways.items() if len(changes) == least}
     remedy = ", or ".join(
         " and ".join(
-            f"{'raise' if value > getattr(stated, name) else 'lower'} divisions.{name} to {value:.4g}"
+            f"{'raise' if _size(value) > _size(getattr(stated, name)) else 'lower'} divisions.{name} to "
+            f"{_shown(value)}"
             for name, value in changes.items()
         )
         for changes in ways.values()
     )
     first = next(iter(ways or fault.changes), next(iter(type(stated).model_fields)))
     raise ConfigError(
-        f"{location}.divisions.{first} = {getattr(stated, first):.4g}: in block {blocks[fault.block]} around "
-        f"{fault.place} m {fault.what}; "
+        f"{location}.divisions.{first} = {_shown(getattr(stated, first))}: in block {blocks[fault.block]} "
+        f"around {fault.place} m {fault.what}; "
         f"{remedy or f'no divisions were found with which all elements are sound: {fault.shape}'}"
     )
 
@@ -161,9 +168,9 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
             int(mesh.owner[hexahedron]),
             middle_of(hexahedron),
             {
-                str(name): 2 * getattr(stated, name)
+                str(name): every_count(getattr(stated, name), lambda n: 2 * n)
                 for name in names
-                if 2 * getattr(stated, name) <= MOST_DIVISIONS
+                if 2 * in_all(getattr(stated, name)) <= MOST_DIVISIONS
             },
         )
     ratio = most.max(axis=1) / least.min(axis=1)
@@ -174,12 +181,14 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
         return None
     k_short, k_long = int(np.argmin(least[worst])), int(np.argmax(most[worst]))
     short, long = (str(mesh.axes[worst, k]) for k in (k_short, k_long))
-    changes: dict[str, float] = {}
+    changes: dict[str, Counts | float] = {}
     if rocks[mesh.owner[worst]] and stated.growth > 1.01:  # layers of rock are thin where they grow fast
         changes["growth"] = 1.0 + 0.8 * (stated.growth - 1.0)
-    if (fewer := int(getattr(stated, short) / over)) >= 1:
+    fewer = every_count(getattr(stated, short), lambda n: max(1, int(n / over)))
+    if in_all(getattr(stated, short)) >= over and fewer != getattr(stated, short):
         changes[short] = fewer
-    if (more := math.ceil(getattr(stated, long) * over)) <= MOST_DIVISIONS:
+    more = every_count(getattr(stated, long), lambda n: math.ceil(n * over))
+    if in_all(more) <= MOST_DIVISIONS:
         changes[long] = more
     return _Fault(
         f"an element is too slender, {least[worst, k_short]:.3g} m {short} by {most[worst, k_long]:.3g} m "
@@ -203,3 +212,12 @@ def _least_determinants(mesh: GridElements) -> Floats:
             for k in range(0, len(mesh.cells), _CHUNK)
         ]
     )
+
+
+def _size(division: Counts | float) -> float:
+    """A division as one number."""
+    return float(sum(division)) if isinstance(division, tuple) else division
+
+
+def _shown(division: Counts | float) -> str:
+    return str(list(division)) if isinstance(division, tuple) else f"{division:.4g}"

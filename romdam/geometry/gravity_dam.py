@@ -118,12 +118,7 @@ def gravity_dam(
 def _lines(config: GravityDamConfig, location: str) -> _Lines:
     z = _rows(config, location)
     walls = np.array([config.walls(max(level, config.lowest)) for level in z])
-    # numbers of elements between the faces, or between the faces and the walls of a gallery
-    through, parts = config.divisions.through, config.divisions.parts
-    columns = [through * parts]
-    if config.gallery is not None:
-        width = np.diff(config.walls(config.gallery.floor))
-        columns = [max(1, round(through * share)) * parts for share in width / width.sum()]
+    columns = config.columns
     shares = [np.linspace(0.0, 1.0, count + 1)[1:] for count in columns]
     y = [walls[:, :1]]
     y += [a[:, None] + s * (b - a)[:, None] for a, b, s in zip(walls.T, walls.T[1:], shares, strict=False)]
@@ -146,11 +141,9 @@ def _lines(config: GravityDamConfig, location: str) -> _Lines:
 
 def _rows(config: GravityDamConfig, location: str) -> Floats:
     """Elevations of the row lines."""
-    divisions, height = config.divisions, config.crest - config.lowest
-    d = divisions.refined
+    d = config.divisions.refined
     rows = [np.array([config.lowest])]
-    for a, b in pairwise(config.levels):
-        count = max(1, round(divisions.up * (b - a) / height)) * divisions.parts
+    for count, (a, b) in zip(config.rows, pairwise(config.levels), strict=True):
         rows.append(np.linspace(a, b, count + 1)[1:])
     if config.rock is not None:
         for count in (d.depth, d.upstream, d.downstream, d.banks):

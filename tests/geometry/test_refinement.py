@@ -1,16 +1,23 @@
 """Meshes of half the size: cut in memory, and of the same keys with twice as many elements."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from arch_dams import arch_dam
-from gravity_dams import gravity_dam
+from gravity_dams import JOINT, gravity_dam
 from scipy.spatial import cKDTree
 
 import romdam
 from romdam.config.load import Job, parse_config
-from romdam.config.other_mesh import on_coarser_mesh, on_finer_mesh
+from romdam.config.other_mesh import (
+    coarser_by_direction,
+    finer_in_direction,
+    on_coarser_mesh,
+    on_finer_mesh,
+    with_even_divisions,
+)
 from romdam.config.sections.job import BoxConfig
 from romdam.core.errors import ConfigError, MeshError
 from romdam.core.scene import Block, Material
@@ -129,6 +136,75 @@ def test_the_finer_mesh_of_a_dam_has_the_nodes_of_its_own(raw, tmp_path):
     cells = [sum(len(block.cells) for block in one.blocks.values()) for one in (own, finer)]
     assert cells[1] == 8 * cells[0]
     assert on_coarser_mesh(on_finer_mesh(job)).config == job.config
+
+
+GALLERY = {"floor": 12.0, "height": 3.0, "upstream": 5.0, "width": 2.5}
+
+
+def steps_job(divisions, **keys):
+    """Three monoliths on steps at 20, 0 and 10 m without rock."""
+    keys |= {"rock": None, "joints": {"base": "tied", "contraction": JOINT}, "element": "hex20"}
+    raw = gravity_dam(divisions={"along": 2} | divisions, **keys) | REST | {"outputs": {"mesh_error": False}}
+    return Job(parse_config(raw, "job"), Path("job.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("divisions", "times", "rows", "columns"),
+    [
+        ({"up": [2, 2, 6, 4], "through": 4}, 2.0, (1, 1, 3, 2), (2,)),
+        ({"up": [3, 3, 9, 6], "through": 2}, 1.5, (2, 2, 6, 4), (1,)),
+        ({"up": 8, "through": 2, "refine": 1}, 2.0, (1, 1, 4, 3), (2,)),
+        ({"up": [2, 4, 2, 2, 8, 6], "through": [2, 2, 4]}, 2.0, (1, 2, 1, 1, 4, 3), (1, 1, 2)),
+    ],
+)
+def test_a_coarser_gravity_dam_is_coarser_in_every_interval(divisions, times, rows, columns, tmp_path):
+    """An error in an interval that both meshes share would not show in their difference."""
+    job = steps_job(divisions, **({"gallery": GALLERY} if len(columns) > 1 else {}))
+    chain = coarser_by_direction(job)
+    assert [(each.direction, each.times) for each in chain] == [
+        ("up", times),
+        ("through", 2.0),
+        ("along", 2.0),
+    ]
+    coarsest = chain[-1].job
+    assert (coarsest.config.gravity_dam.rows, coarsest.config.gravity_dam.columns) == (rows, columns)
+    if times == 1.5:
+        return
+    every = on_coarser_mesh(job).config.gravity_dam
+    assert (every.rows, every.columns) == (rows, columns)
+    own, coarser = (build_scene(one.config, tmp_path, "job").blocks for one in (job, coarsest))
+    for name, block in coarser.items():
+        assert cKDTree(own[name].points).query(block.points)[0].max() < 1e-6
+        assert len(own[name].cells) == 8 * len(block.cells)
+
+
+def test_rows_that_are_shared_out_have_no_coarser_mesh_until_they_are_even():
+    job = steps_job({"up": 8, "through": 4})
+    said = (
+        r"gravity_dam.divisions.up: is 8, shared out as \[1, 1, 4, 3\] between elevations 0, 10, 20, 66.5, "
+        r"103 m, of which neither half nor two thirds are whole; make it \[2, 2, 4, 4\], or compare with"
+    )
+    with pytest.raises(ConfigError, match=said):
+        coarser_by_direction(job)
+    with pytest.raises(ConfigError, match=r"which cannot be halved; make it \[2, 2, 4, 4\]"):
+        on_coarser_mesh(job)
+    even = with_even_divisions(job)
+    assert even.config.gravity_dam.rows == (2, 2, 4, 4) and len(coarser_by_direction(even)) == 3
+    assert with_even_divisions(even) is even
+    finer = finer_in_direction(even, "up").config.gravity_dam
+    assert (finer.rows, finer.columns) == ((4, 4, 6, 6), (4,))
+
+
+def test_numbers_of_intervals_are_those_of_the_elevations_where_something_changes():
+    assert steps_job({"up": 8}).config.gravity_dam.rows == (1, 1, 4, 3)
+    with pytest.raises(
+        ConfigError, match=r"`divisions.up` has 3 numbers for 4 intervals, between elevations "
+    ):
+        steps_job({"up": [2, 2, 4]})
+    with pytest.raises(ConfigError, match=r"3 numbers for 1 intervals, between the faces; give one number"):
+        steps_job({"through": [1, 1, 1]})
+    with pytest.raises(ConfigError, match=r"`divisions.up` are 203 elements, limit 200; give fewer"):
+        steps_job({"up": [1, 1, 200, 1]})
 
 
 def test_what_cannot_be_coarser_says_which_number():

@@ -70,10 +70,14 @@ def limit_of(chosen: Job, plain: Job) -> Job:
         job = on_quadratic_elements(job)
     for key in ("arch_dam", "gravity_dam"):
         if (dam := getattr(job.config, key)) is not None:
-            given = getattr(plain.config, key).divisions.refined.model_dump()
-            own = dam.divisions.refined.model_dump()
-            counts = {name: max(own[name], given[name]) for name in own if name not in ("growth", "refine")}
-            divisions = dam.divisions.refined.model_copy(update=counts)
+            given, own = (one.shared_divisions for one in (getattr(plain.config, key), dam))
+            counts = {
+                name: tuple(map(max, count, given.counts[name]))  # of intervals
+                if isinstance(count, tuple)
+                else max(count, given.counts[name])
+                for name, count in own.counts.items()
+            }
+            divisions = own.model_copy(update=counts)
             changed = {key: dam.model_copy(update={"divisions": divisions})}
             job = replace(job, config=job.config.model_copy(update=changed))
     return on_finer_mesh(job)

@@ -82,14 +82,14 @@ def _arch_nodes(dam: ArchDamConfig) -> float:
 def _gravity_nodes(dam: GravityDamConfig) -> float:
     """Of the dam's grid and, as wide as the dam and its banks, of the rock's below."""
     d = dam.divisions.refined
-    wide = len(dam.monoliths) * d.along
-    nodes = grid_nodes([wide, d.through, d.up], dam.element)
+    wide, through, up = len(dam.monoliths) * d.along, sum(dam.columns), sum(dam.rows)
+    nodes = grid_nodes([wide, through, up], dam.element)
     if dam.rock is None:
         return nodes
     wide += sum(d.banks for side in (dam.rock.left, dam.rock.right) if side)
     rise = (max(dam.slices.values()) - dam.lowest) / (dam.crest - dam.lowest)
-    rows = d.through + d.upstream + d.downstream
-    return nodes + grid_nodes([wide, rows, d.depth + d.up * rise], dam.element)
+    rows = through + d.upstream + d.downstream
+    return nodes + grid_nodes([wide, rows, d.depth + up * rise], dam.element)
 
 
 def grid_nodes(counts: Sequence[float], element: str) -> float:

@@ -207,6 +207,11 @@ class ArchDamConfig(Model):
         return self
 
     @property
+    def shared_divisions(self) -> DivisionsConfig:
+        """The divisions as they are after refinement."""
+        return self.divisions.refined
+
+    @property
     def cantilever_names(self) -> tuple[str, ...]:
         """C1, C2, ... from left to right."""
         return tuple(f"{CANTILEVER}{k + 1}" for k in range(self.cantilevers))

@@ -10,7 +10,7 @@ from pydantic import Field, Tag, model_validator
 
 from romdam.config.base import Model, by_shape
 from romdam.config.quantities import Length
-from romdam.config.sections.geometry.refinement import Count, Divisions
+from romdam.config.sections.geometry.refinement import MOST_DIVISIONS, Count, Counts, Divisions, in_all
 from romdam.config.sections.joints import JointConfig, JointProperties
 from romdam.config.sections.places import GridElement
 
@@ -26,6 +26,12 @@ Bases = Annotated[
 Kind = Annotated[
     Annotated[JointProperties, Tag("mapping")] | Annotated[Literal["tied"], Tag("word")],
     by_shape("what the joints do, such as {normal_stiffness: 20 GPa/m}, or tied", "tied"),
+]
+
+Intervals = Annotated[
+    Annotated[Count, Tag("number")]
+    | Annotated[tuple[Count, ...], Field(min_length=1, max_length=MOST_DIVISIONS), Tag("list")],
+    by_shape("a number of elements, or a list of them, one for each interval"),
 ]
 
 _THIN = 0.02  # of a row of elements, that two elevations must be apart
@@ -100,11 +106,13 @@ class GravityDivisionsConfig(Divisions):
 
     along: Count = 2
     """Number of elements along a monolith's width."""
-    through: Count = 6
-    """Number of elements from face to face."""
-    up: Count = 12
-    """Number of elements up the dam, shared out between the elevations where something changes, at least
-    one each."""
+    through: Intervals = 6
+    """Number of elements from face to face, shared out between the faces and the walls of a gallery, at least
+    one each; or the numbers in each of these three, from upstream."""
+    up: Intervals = 12
+    """Number of elements up the dam, shared out between the elevations where something changes (bases, points
+    of the faces, lifts, a gallery, banks), at least one each; or the numbers in each of them, upwards. Only
+    where each is even, or a multiple of 3, is there a coarser mesh to judge this one by."""
     depth: Count = 4
     """Layers of rock below."""
     upstream: Count = 3
@@ -161,6 +169,7 @@ class GravityDamConfig(Model):
                 "give one for all, or one for each"
             )
         self._refuse_elevations()
+        self._refuse_counts()
         self._refuse_thickness()
         self._refuse_kinds()
         return self
@@ -188,13 +197,27 @@ class GravityDamConfig(Model):
         for a, b in pairwise(self.lifts):
             if a >= b:
                 raise ValueError(f"`lifts` must ascend, got {a:g} m then {b:g} m")
-        limit = _THIN * (self.crest - self.lowest) / self.divisions.up
+        limit = _THIN * (self.crest - self.lowest) / in_all(self.divisions.up)
         for a, b in pairwise(self.levels):
             if b - a < limit:
                 raise ValueError(
                     f"something changes at elevations {a:g} m and {b:g} m (bases, points of the faces, "
                     f"lifts, the gallery), {b - a:.3g} m apart, limit {limit:.3g} m for the row of elements "
                     "between; make them one, or set them apart"
+                )
+
+    def _refuse_counts(self) -> None:
+        intervals = {"up": len(self.levels) - 1, "through": 3 if self.gallery else 1}
+        for key, ends in self.ends_of_intervals.items():
+            counts = getattr(self.divisions, key)
+            if isinstance(counts, tuple) and len(counts) != intervals[key]:
+                raise ValueError(
+                    f"`divisions.{key}` has {len(counts)} numbers for {intervals[key]} intervals, between "
+                    f"{ends}; give one number for all, or one for each"
+                )
+            if in_all(counts) > MOST_DIVISIONS:
+                raise ValueError(
+                    f"`divisions.{key}` are {in_all(counts)} elements, limit {MOST_DIVISIONS}; give fewer"
                 )
 
     def _refuse_thickness(self) -> None:
@@ -253,6 +276,32 @@ class GravityDamConfig(Model):
         changes |= set((self.rock and self.rock.banks) or ())
         changes |= {self.gallery.floor, self._roof} if self.gallery else set()
         return tuple(sorted(z for z in changes if z >= self.lowest))
+
+    @property
+    def rows(self) -> tuple[int, ...]:
+        """Numbers of elements between `levels`, upwards."""
+        return _shared_out(self.divisions.up, self.levels, self.divisions.parts)
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Numbers of elements from face to face, or between the faces and the walls of a gallery."""
+        walls = self.walls(self.gallery.floor if self.gallery else self.crest)
+        return _shared_out(self.divisions.through, walls, self.divisions.parts)
+
+    @property
+    def ends_of_intervals(self) -> dict[str, str]:
+        """Between what the numbers of a division are shared out, in words."""
+        walls = "the faces and the gallery's walls" if self.gallery else "the faces"
+        return {"up": f"elevations {', '.join(f'{z:g}' for z in self.levels)} m", "through": walls}
+
+    @property
+    def shared_divisions(self) -> GravityDivisionsConfig:
+        """The divisions as they are after refinement, with the numbers of each interval."""
+        each = {
+            key: counts if len(counts) > 1 else counts[0]
+            for key, counts in (("up", self.rows), ("through", self.columns))
+        }
+        return self.divisions.refined.model_copy(update=each)
 
     def walls(self, z: float) -> tuple[float, ...]:
         """y of the upstream face, of the gallery's walls if it has one, of the downstream face [m]."""
@@ -373,3 +422,11 @@ def joint_between(name: str, pair: tuple[str, str], properties: JointProperties)
     if isinstance(properties.spacing, dict):
         values["spacing"] = properties.spacing_of(name)
     return JointConfig(between=pair, **values)
+
+
+def _shared_out(counts: Counts, ends: tuple[float, ...], parts: int) -> tuple[int, ...]:
+    """Numbers of elements in the intervals between `ends`, each of them in so many parts."""
+    if isinstance(counts, int):
+        whole = ends[-1] - ends[0]
+        counts = tuple(max(1, round(counts * (b - a) / whole)) for a, b in pairwise(ends))
+    return tuple(count * parts for count in counts)

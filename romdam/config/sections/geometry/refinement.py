@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Self
 
 from pydantic import Field
@@ -12,6 +13,17 @@ from romdam.config.quantities import Dimensionless, Whole
 MOST_DIVISIONS = 200
 Count = Annotated[Whole, Field(ge=1, le=MOST_DIVISIONS)]
 Refinements = Annotated[Whole, Field(ge=0, le=3)]
+Counts = int | tuple[int, ...]  # elements in a direction, or in each of several intervals one after the other
+
+
+def every_count(counts: Counts, change: Callable[[int], int]) -> Counts:
+    """Change a number of elements, or that of each interval."""
+    return tuple(map(change, counts)) if isinstance(counts, tuple) else change(counts)
+
+
+def in_all(counts: Counts) -> int:
+    """Elements of all intervals together."""
+    return sum(counts) if isinstance(counts, tuple) else counts
 
 
 class Divisions(Model):
@@ -28,12 +40,18 @@ class Divisions(Model):
         return int(2**self.refine)
 
     @property
+    def counts(self) -> dict[str, Counts]:
+        """Name -> number of elements before refinement."""
+        return self.model_dump(exclude={"growth", "refine"})
+
+    @property
     def refined(self) -> Self:
         """The same with all numbers as they are after refinement, which layers that grow follow too.
 
         Layers in the ratio g become twice as many in the ratio of its root, every other at the same place.
         """
-        counts = self.model_dump(exclude={"growth", "refine"})
-        changed: dict[str, object] = {name: count * self.parts for name, count in counts.items()}
+        changed: dict[str, object] = {
+            name: every_count(count, lambda n: n * self.parts) for name, count in self.counts.items()
+        }
         changed |= {"growth": self.growth ** (1.0 / self.parts), "refine": 0}
         return self.model_copy(update=changed)
