@@ -178,11 +178,18 @@ class _Tried:
         return self.statement(name, pair)
 
     def fewer_points(self, name: str) -> PointsChoice | None:
-        """Contact points of a mesh, fewer than its nodes, that leave no more than it leaves of the share."""
+        """Contact points of a mesh, fewer than its nodes, that leave no more than it leaves of the share.
+
+        None where so little is left that no distance could do.
+        """
         left, run = self.share - self.error(name), self.trials[name].run
         nodes = nodes_of_run(run)
+        # gaps apart by one and a half of the nodes' distance change twice what elements up and through leave
+        least = max(
+            [_LEAST_LEFT * self.share, *(self.of_direction(name, each) for each in ("up", "through"))]
+        )
         if (
-            left < _LEAST_LEFT * self.share
+            left < least
             or all(of.count <= CORNERS for of in nodes.values())
             or any(joint.spacing is not None for joint in self.jobs[name].config.every_joint.values())
         ):
@@ -228,6 +235,13 @@ class _Tried:
     def error(self, name: str) -> float:
         """Error of the openings in L2 that was stated of a mesh."""
         return self.statements[name].errors["opening"].l2
+
+    def of_direction(self, name: str, direction: str) -> float:
+        """What the elements of a mesh leave in one direction; 0 where that is not stated."""
+        directions = self.statements[name].details.get("directions")
+        return (
+            directions[direction]["l2"] if isinstance(directions, dict) and direction in directions else 0.0
+        )
 
     def refuse_large(self, name: str) -> None:
         """Refuse to refine a mesh where the one that would keep the share has too many unknowns."""
