@@ -12,6 +12,8 @@ _KEPT = 1e-7  # of a column's length, up to which it may be changed: files keep 
 DEPENDENT = 1e-8  # eigenvalue of vectors' Gram matrix, relative, below which one is dropped
 _RIGID = 1e-13  # of the largest omega^2: what is below it is a rigid motion, and zero
 _WORTH = 0.75  # of the columns: a product of more is not cheaper than the matrix
+_ABREAST = 512  # columns of a product whose zero rows are left out together
+_SPARSE = 0.8  # of all rows, below which that pays
 
 
 def eigh(K: Floats, M: Floats | None = None, kind: int = 1) -> tuple[Floats, Floats]:
@@ -62,6 +64,18 @@ def factors(A: Floats) -> tuple[Floats, Floats]:
     right[:, order[:rank]] = np.eye(rank)
     right[:, order[rank:]] = solve_triangular(R[:rank, :rank], R[:rank, rank:])
     return unit.take(order[:rank], axis=1), right * length
+
+
+def product(left: Floats, V: Floats) -> Floats:
+    """left @ V, less the rows that are zero in many columns: V may be triangular once its rows are sorted."""
+    blocks = [slice(k, min(k + _ABREAST, V.shape[1])) for k in range(0, V.shape[1], _ABREAST)]
+    used = [np.flatnonzero(V[:, block].any(axis=1)) for block in blocks]
+    if sum(map(len, used)) > _SPARSE * len(V) * len(blocks):
+        return np.asarray(left @ V)
+    result = np.empty((len(left), V.shape[1]))
+    for block, rows in zip(blocks, used, strict=True):
+        result[:, block] = left[:, rows] @ V[rows, block]
+    return result
 
 
 def orthonormalising(gram: Floats, least: float) -> Floats:

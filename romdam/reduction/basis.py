@@ -1,8 +1,9 @@
 """The ways in which a basis exists: in memory, in a file, and as a product that is not formed.
 
 A basis of a million unknowns is a file that is mapped. Turned into other coordinates it would have to stand
-in memory, 8 bytes for every unknown and coordinate, so that only the rows in use are turned. A finer basis
-that contains another is kept as what it has besides.
+in memory, 8 bytes for every unknown and coordinate, so that only the rows in use are turned. Modes made of
+Ritz vectors are kept as these and a mix, for to form them over all nodes costs more than the static answers
+of a large interface. A finer basis that contains another is kept as what it has besides.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from scipy.sparse import csr_matrix
 
 from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import Basis, BlockBasis, Rows
+from romdam.linalg.dense import product
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,46 @@ class Mapped(Dense):
     def of(cls, path: str | Path, offset: int, shape: tuple[int, int]) -> Mapped:
         """The float64 numbers (n, m) that begin at a byte of a file."""
         return cls(np.memmap(path, dtype=np.float64, mode="r", offset=offset, shape=shape))
+
+
+@dataclass(frozen=True)
+class Product:
+    """Combinations of the vectors of another basis: left @ mix.
+
+    Attributes
+    ----------
+    left : of k vectors
+    mix : (k, m)
+    """
+
+    left: Basis
+    mix: Floats
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """DOFs and vectors."""
+        return self.left.shape[0], self.mix.shape[1]
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes if it were formed."""
+        return 8 * self.shape[0] * self.shape[1]
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        return product(self.left.rows(which), self.mix)
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return self.left.apply(self.mix @ q)
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        return np.asarray(self.mix.T @ self.left.project(force))
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return product(self.left.under(operator), self.mix)
 
 
 @dataclass(frozen=True)
@@ -272,17 +314,45 @@ class Augmented:
         inner = self.inner.vectors.project(force)
         return np.asarray(self._upper.T @ inner + self._lower.T @ (self.more.T @ force))
 
-    def under(self, operator: csr_matrix) -> Floats:
-        """An operator on every vector."""
-        return self._from_inner(self.inner.vectors.under(operator)) + (operator @ self.more) @ self._lower
+    def under(self, operator: csr_matrix, of_inner: Floats | None = None) -> Floats:
+        """An operator on every vector, made of that on the inner basis, if it is given."""
+        if of_inner is None:
+            of_inner = self.inner.vectors.under(operator)
+        return self._from_inner(of_inner) + (operator @ self.more) @ self._lower
+
+
+def factored(basis: Basis) -> tuple[Basis, Floats] | None:
+    """Vectors and the mix that makes a basis of them, where it is kept so; None where it is not."""
+    if isinstance(basis, Product):
+        return basis.left, basis.mix
+    if isinstance(basis, Lazy) and (inner := factored(basis.left)) is not None:
+        return inner[0], basis.turn.rows(inner[1])
+    if isinstance(basis, Scaled) and (inner := factored(basis.left)) is not None:
+        return inner[0], inner[1] * basis.factors
+    return None
 
 
 def over_coordinates(
-    operators: Mapping[str, csr_matrix], basis: Mapping[str, BlockBasis], size: int
+    operators: Mapping[str, csr_matrix],
+    basis: Mapping[str, BlockBasis],
+    size: int,
+    coarser: dict[str, Floats] | None = None,
 ) -> Floats:
-    """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows."""
+    """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows.
+
+    Parameters
+    ----------
+    coarser : block name -> its operator on the basis that a finer one contains; gains those on these bases
+    """
     total = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, operator in operators.items():
         rows = np.flatnonzero(operator.getnnz(axis=1))
-        total[rows, basis[name].columns] += basis[name].vectors.under(operator[rows])
+        vectors, of_inner = basis[name].vectors, None if coarser is None else coarser.get(name)
+        if isinstance(vectors, Augmented) and of_inner is not None:
+            of_block = vectors.under(operator[rows], of_inner)
+        else:
+            of_block = vectors.under(operator[rows])
+        if coarser is not None:
+            coarser[name] = of_block
+        total[rows, basis[name].columns] += of_block
     return total

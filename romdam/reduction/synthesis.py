@@ -225,7 +225,7 @@ def _reduced_scene(
         name: reduce_substructure(selected[name], substructure, choices, store)
         for name, substructure in substructures.items()
     }
-    models = []
+    models, jumps = [], dict[str, Floats]()
     for level, choice in enumerate(choices):
         basis, columns = dict[str, BlockBasis](), dict[str, slice]()
         size = 0  # the coordinates of the parts one after another, in the scene's order
@@ -251,7 +251,7 @@ def _reduced_scene(
             M=csr_matrix(diags_array(mass)),
             C=csr_matrix((size, size)),
             K=csr_matrix(diags_array(omega2)),
-            B=csr_matrix(over_coordinates(operators, basis, size)),
+            B=csr_matrix(over_coordinates(operators, basis, size, jumps)),
             load=load,
             force=np.zeros(size),
             observe=csr_matrix(observe),

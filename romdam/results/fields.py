@@ -5,7 +5,8 @@ It is an HDF5 file in the folder of the result, `model-<first 12 digits of the S
 one for each model:
 
     /                       attributes: format, content_sha256, source
-    /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it
+    /blocks/<name>          one group for each block, as `romdam.reduction.storage.model_file` describes it:
+                            its modes, or vectors and a mix that makes the modes of them
     /blocks/<name>/carried  (n, 3, k) displacement for unit displacements of k support components; only if
                             supports move differently from the base
 """
@@ -32,14 +33,16 @@ from romdam.core.files import Unkept
 from romdam.core.html.card import card
 from romdam.core.printable import one_line
 from romdam.core.scene import Block, Scene
+from romdam.core.sealed import text_of
 from romdam.postprocess.record_measures import peak_text, stated_warnings
 from romdam.postprocess.stress.summary import COMPONENTS
+from romdam.reduction.basis import factored
 from romdam.reduction.storage.model_file import rows_written
 from romdam.results.companion import in_order, open_companion_file, write_companion_file
 from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
 
-FORMAT = "romdam-model-1"
+FORMAT, BEFORE = "romdam-model-2", "romdam-model-1"  # before 2 no block had a mix
 _ERROR_STATEMENTS = ("error_statement", "certificate_statement", "error_estimate")  # best first
 _SHOWN_JOINTS = 8  # joints whose peak opening a notebook shows
 _ROWS = 4096  # rows of an array that are read or hashed at a time
@@ -80,7 +83,7 @@ def write_model(
     def write_blocks(file: h5py.File) -> str:
         return _content_digest(
             (
-                f"{name} {block.element} {basis[name].columns.start} {basis[name].vectors.shape}",
+                f"{name} {block.element} {basis[name].columns.start} {parts[name][0].shape}",
                 chain(_row_chunks(block.points), _row_chunks(block.cells)),
                 write_block(file, name, block),
             )
@@ -88,7 +91,9 @@ def write_model(
         )
 
     blocks = {name: block for name, block in scene.blocks.items() if name not in left_out}
-    size = sum(basis[name].vectors.nbytes // 2 for name in blocks)
+    # what is written: vectors, and a mix that makes the basis of them, or none
+    parts = {name: factored(basis[name].vectors) or (basis[name].vectors, np.zeros(0)) for name in blocks}
+    size = sum(vectors.nbytes // 2 + mix.nbytes for vectors, mix in parts.values())
     return write_companion_file(
         folder, ("model", FORMAT), write_blocks, size, _model_digest(blocks, basis, carried)
     )
@@ -115,15 +120,18 @@ def _model_digest(
     return content.hexdigest()
 
 
-def _content_digest(blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]]) -> str:
+def _content_digest(
+    blocks: Iterable[tuple[str, Iterable[NDArray[Any]], Iterable[NDArray[Any]]]], layout: str = FORMAT
+) -> str:
     """Compute the SHA-256 of the content of a basis file.
 
     Parameters
     ----------
     blocks : for each block a header (name, element, first column and shape of the basis), the chunks of its
         points and cells, and those of its basis
+    layout : format of the file
     """
-    content = hashlib.sha256(FORMAT.encode())
+    content = hashlib.sha256(layout.encode())
     for header, mesh, basis in blocks:
         content.update(header.encode())
         for chunk in chain(mesh, basis):
@@ -138,15 +146,16 @@ def _row_chunks(array: Any) -> Iterator[NDArray[Any]]:
 
 def stored_digest(file: h5py.File) -> str:
     """Compute the SHA-256 of the content of an open basis file."""
-    return _content_digest(
+    blocks = [
         (
             f"{name} {group['cells'].attrs['element']} {int(group['basis'].attrs['first'])} "
             f"{(3 * group['basis'].shape[0], group['basis'].shape[2])}",
             chain(_row_chunks(group["points"]), _row_chunks(group["cells"])),
-            chain(_row_chunks(group["basis"]), _row_chunks(group["carried"]) if "carried" in group else ()),
+            chain(*(_row_chunks(group[item]) for item in ("basis", "mix", "carried") if item in group)),
         )
         for name, group in in_order(file)
-    )
+    ]
+    return _content_digest(blocks, text_of(file, "format"))
 
 
 class Result:
@@ -294,11 +303,14 @@ class Result:
         group = self._block_group(block)
         basis = group["basis"]
         numbers = self._node_numbers(basis.shape[0], block, nodes)
-        first, count = int(basis.attrs["first"]), basis.shape[2]
+        first, count = int(basis.attrs["first"]), group.get("mix", basis).shape[-1]
         q = self._reduced_coordinates(times, slice(first, first + count))
         rows, back = np.unique(numbers, return_inverse=True)  # h5py reads ascending rows only
         shapes = basis[rows][back].astype(np.float64, copy=False)
-        disp = np.einsum("ncm,tm->tnc", shapes, q.values, optimize=True)
+        mix = [group["mix"][()]] if "mix" in group else []
+        # of one node the mix comes first, of one instant last
+        disp = np.linalg.multi_dot([shapes.reshape(-1, basis.shape[2]), *mix, q.values.T])
+        disp = np.moveaxis(disp.reshape(len(numbers), 3, len(q)), 2, 0)
         if "carried" in group:
             supports = self._support_displacement(times)
             disp += np.einsum("ncm,tm->tnc", group["carried"][rows][back], supports, optimize=True)
@@ -414,7 +426,7 @@ class Result:
                     f"{result}: a full-order result keeps displacements at its output nodes only; "
                     "name more under outputs.nodes, or run with model.order: reduced"
                 )
-            self._model = open_companion_file(result, name, ("model", FORMAT), stored_digest)
+            self._model = open_companion_file(result, name, ("model", FORMAT, BEFORE), stored_digest)
         return self._model
 
 

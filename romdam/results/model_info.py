@@ -46,7 +46,7 @@ def model_lines(path: str | Path) -> list[str]:
 
 
 def _block_lines(name: str, group: h5py.Group) -> list[str]:
-    if "mix" in group:
+    if "mix" in group and "of" in group["mix"].attrs:
         (all_of_them, columns), more = group["mix"].shape, group["basis"].shape[2]
         of = f"{all_of_them - more} modes of another file, {more} residual vectors beside them"
         return [f"block {name}, finer basis of an error estimate", f"  coordinates  {columns}: {of}"]

@@ -5,12 +5,14 @@ import pytest
 from scipy.sparse import random_array
 
 from romdam.core.basis import BlockBasis
-from romdam.reduction.basis import Augmented, Dense, Lazy, Mapped, Turn
+from romdam.linalg import dense
+from romdam.reduction.basis import Augmented, Dense, Lazy, Mapped, Product, Scaled, Turn, factored
 
 rng = np.random.default_rng(0)
 LEFT, RIGHT = rng.standard_normal((30, 7)), rng.standard_normal((7, 5))
 WHOLE = LEFT @ RIGHT
 NONE = np.arange(0)
+FACTORS = np.array([2.0, -1.0, 0.5, 3.0, 1e-3])
 MIXED, PLAIN = (Turn(np.arange(7), mix, NONE, NONE, mix.shape[1]) for mix in (RIGHT, np.eye(7)))
 
 
@@ -35,6 +37,10 @@ KINDS = {
         inner(mapped(LEFT[:, :4].copy(), folder)), LEFT[:, 4:], RIGHT
     ),
     "augmented by nothing": lambda folder: Augmented(inner(Dense(LEFT)), LEFT[:, :0], RIGHT),
+    "product": lambda folder: Product(Dense(LEFT), RIGHT),
+    "product over mapped": lambda folder: Product(mapped(LEFT, folder), RIGHT),
+    "lazy over product": lambda folder: Lazy(Product(Dense(LEFT), np.eye(7)), MIXED),
+    "scaled product": lambda folder: Scaled(Product(Dense(LEFT), RIGHT / FACTORS), FACTORS),
     "lazy over augmented": lambda folder: Lazy(
         Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], np.eye(7)), MIXED
     ),
@@ -108,3 +114,29 @@ def test_a_finer_basis_has_the_motions_of_the_one_that_it_contains(massless):
         (finer.under(operator), operator @ whole),
     ):
         assert np.abs(found - known).max() < 1e-12 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_basis_that_is_kept_as_a_product_says_of_what(kind, tmp_path):
+    made = KINDS[kind](tmp_path)
+    if "product" not in kind:
+        assert factored(made) is None
+        return
+    left, mix = factored(made)
+    np.testing.assert_allclose(left.rows() @ mix, WHOLE, atol=1e-13)
+    np.testing.assert_array_equal(left.rows(), LEFT)
+
+
+def test_the_operator_on_a_finer_basis_is_made_of_that_on_the_other():
+    fine = Augmented(inner(Dense(LEFT[:, :4])), LEFT[:, 4:], RIGHT)
+    operator = random_array((4, 30), density=0.3, format="csr", rng=rng)
+    of_inner = operator @ LEFT[:, :4]
+    np.testing.assert_allclose(fine.under(operator, of_inner), operator @ WHOLE, atol=1e-13)
+
+
+def test_a_product_with_a_triangle_is_that_with_all_its_zeros(monkeypatch):
+    """Some columns at a time, of which only rows that are not zero are taken."""
+    monkeypatch.setattr(dense, "_ABREAST", 2)
+    triangle = np.triu(rng.standard_normal((7, 7)))[rng.permutation(7)]
+    np.testing.assert_allclose(dense.product(LEFT, triangle), LEFT @ triangle, atol=1e-13)
+    np.testing.assert_allclose(dense.product(LEFT, RIGHT), LEFT @ RIGHT, atol=1e-13)

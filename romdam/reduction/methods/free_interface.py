@@ -70,7 +70,7 @@ from romdam.reduction.methods.residual_vectors import FINER_VECTORS
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.reductor import Bases, BasisFiles, Reductor
 from romdam.reduction.storage.keys import key_content
-from romdam.reduction.storage.model_file import Contained, StreamedBasis
+from romdam.reduction.storage.model_file import StreamedBasis
 from romdam.reduction.storage.out_of_core_matrix import OutOfCoreMatrix
 from romdam.reduction.substructure import Substructure
 
@@ -172,13 +172,17 @@ class FreeInterface(Reductor):
             for name in mesh_part.blocks:
                 first, last = last, last + 3 * len(substructure.scene.blocks[name].points)
                 ends = [*range(first, last, 3 * _NODES), last]
-                if coarse:  # of a finer basis what it has besides the other
-                    contained = Contained(coarse[name], level.V)
-                    further = len(level.V) - len(coarse[name].omega2)
-                    rows = level.T.pieces(ends, level.T.shape[1] - further)
-                else:
-                    contained, rows = None, level.T.times(level.V, ends)
-                basis = StreamedBasis(level.omega2, rows, inertia[name], report, contained, level.massless)
+                # of a finer basis what it has besides the other
+                further = len(level.V) - (len(coarse[name].omega2) if coarse else 0)
+                basis = StreamedBasis(
+                    omega2=level.omega2,
+                    rows=level.T.pieces(ends, level.T.shape[1] - further),
+                    inertia=inertia[name],
+                    report=report,
+                    mix=level.V,
+                    contained=coarse.get(name),
+                    massless=level.massless,
+                )
                 tasks.append(partial(files.write, substructure.scene.blocks[name], basis, number))
             bases: Bases = dict(zip(mesh_part.blocks, level.T.each(tasks), strict=True))
             coarse = coarse or bases

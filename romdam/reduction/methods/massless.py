@@ -91,9 +91,9 @@ class Massless(Reductor):
         bases, last = dict[str, BlockBasis](), 0
         for name in mesh_part.blocks:
             first, last = last, last + 3 * len(scene.blocks[name].points)
-            rows, none = T.times(mix, [*range(first, last, 3 * _NODES), last]), np.zeros((last - first, 3))
+            rows, none = T.pieces([*range(first, last, 3 * _NODES), last]), np.zeros((last - first, 3))
             report = {"retained_dofs": T.shape[1], "fixed_interface_modes": 0, "part": mesh_part.name}
-            basis = StreamedBasis(omega2, rows, none, dict(report), massless=len(omega2))
+            basis = StreamedBasis(omega2, rows, none, dict(report), mix, massless=len(omega2))
             bases[name] = files.write(scene.blocks[name], basis)
         T.remove()
         yield bases

@@ -5,8 +5,8 @@ stopped goes on there. With T = [Psi, Phi; 1, 0] the reduced stiffness needs no 
 
     T^T (K - s M) T = diag(S, omega^2 - s),    S = (K - s M)_bb + (K - s M)_bi Psi,
 
-and M_r = T^T M T takes two blocks of columns at a time. The open-joint modes T V go straight to the block's
-file, of which a reader maps the rows that it touches.
+and M_r = T^T M T takes two blocks of columns at a time. T goes to the block's file, of which a reader maps
+the rows that it touches, and V beside it: the open-joint modes T V are formed where they are asked for.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ class CraigBamptonOutOfCore(Reductor):
                 residual=modes.residual,
                 residual_vectors=len(V) - boundary - len(modes.omega2),
             )
-            rows = _rows_over_nodes(block, T.narrowed(len(V)), V, free)
+            rows = _rows_over_nodes(block, T.narrowed(len(V)), free)
             report = numbers.report() | choice.report()
-            basis = StreamedBasis(numbers.omega2, rows, block.inertia, report)
+            basis = StreamedBasis(numbers.omega2, rows, block.inertia, report, V)
             yield {name: files.write(substructure.scene.blocks[name], basis, level)}
         T.remove()
 
@@ -262,8 +262,8 @@ def _bordered(known: Floats, rows: Floats) -> Floats:
     return whole
 
 
-def _rows_over_nodes(block: _SplitBlock, T: OutOfCoreMatrix, V: Floats, free: Bools) -> Iterator[Floats]:
-    """Open-joint modes T V over all DOFs in global axes, some nodes at a time: (3 nodes, m).
+def _rows_over_nodes(block: _SplitBlock, T: OutOfCoreMatrix, free: Bools) -> Iterator[Floats]:
+    """Ritz vectors T over all DOFs in global axes, some nodes at a time: (3 nodes, m).
 
     Parameters
     ----------
@@ -272,6 +272,6 @@ def _rows_over_nodes(block: _SplitBlock, T: OutOfCoreMatrix, V: Floats, free: Bo
     spread = csr_matrix(block.spread)
     ends = [*range(0, len(free), 3 * _NODES), len(free)]
     free_ends = np.concatenate([[0], np.cumsum(free)])[ends].tolist()
-    pieces = zip(pairwise(ends), pairwise(free_ends), T.times(V, free_ends), strict=True)
+    pieces = zip(pairwise(ends), pairwise(free_ends), T.pieces(free_ends), strict=True)
     for (first, last), (first_free, last_free), rows in pieces:
         yield spread[first:last][:, first_free:last_free] @ rows

@@ -8,8 +8,9 @@ A block is an HDF5 group; a cache file `block-<first 16 of its key>.h5` holds on
     basis           (n, 3, m) open-joint modes, M-orthonormal, zero at supports [kg-0.5], in single precision
                     in the basis file; attribute first: the block's first column of the reduced coordinates
                     (0 in a cache file)
-    mix             (k + r, m) of a finer basis alone: its modes in terms of those of another file (k) and of
-                    the vectors that `basis` has here (n, 3, r); attribute of: fingerprint of the other's
+    mix             (k + r, m) where `basis` has vectors (n, 3, r) that the modes are made of: the modes in
+                    terms of those of another file (k) and of these; attribute of: fingerprint of the other's,
+                    where there is one. In double precision in the basis file too
     omega2          (m,) [1/s2]
     participation   (m, 3) basis^T M r for r a unit translation along x, y, z [kg0.5]
     attributes      layout, key, report (JSON), massless: how many of the last modes have no mass
@@ -27,7 +28,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any
 
 import h5py
 import numpy as np
@@ -41,7 +42,7 @@ from romdam.core.fingerprint import fingerprint
 from romdam.core.scene import Block
 from romdam.core.sealed import creating, reading, text_of
 from romdam.core.version import SOURCE
-from romdam.reduction.basis import Augmented, Dense, Mapped
+from romdam.reduction.basis import Augmented, Dense, Mapped, Product, factored
 
 log = logging.getLogger(__name__)
 
@@ -59,9 +60,10 @@ def write_block(group: h5py.Group, block: Block, basis: BlockBasis) -> None:
         pass
 
 
-def _write_mix(group: h5py.Group, inner: BlockBasis, mix: Floats) -> None:
+def _write_mix(group: h5py.Group, inner: BlockBasis | None, mix: Floats) -> None:
     group["mix"] = mix
-    group["mix"].attrs["of"] = _fingerprint(inner)
+    if inner is not None:
+        group["mix"].attrs["of"] = _fingerprint(inner)
 
 
 def _fingerprint(basis: BlockBasis) -> str:
@@ -72,21 +74,25 @@ def _fingerprint(basis: BlockBasis) -> str:
 def rows_written(
     group: h5py.Group, block: Block, basis: BlockBasis, dtype: type[np.floating[Any]] = np.float64
 ) -> Iterator[NDArray[Any]]:
-    """The rows of a block's basis as they are written, some at a time; see `write_block`.
+    """What is written of a block's basis, its rows some at a time, then its mix; see `write_block`.
 
     Parameters
     ----------
     dtype : precision that the basis is written in
     """
-    nodes, columns = len(block.points), basis.vectors.shape[1]
+    vectors, mix = factored(basis.vectors) or (basis.vectors, None)
+    nodes, columns = len(block.points), vectors.shape[1]
     step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * np.dtype(dtype).itemsize * columns)))
-    small = basis.vectors.nbytes < _MAPPED
-    chunks = (step, 3, columns) if small and basis.vectors.nbytes else None
+    small = vectors.nbytes < _MAPPED
+    chunks = (step, 3, columns) if small and vectors.nbytes else None
     data = group.create_dataset("basis", shape=(nodes, 3, columns), dtype=dtype, chunks=chunks)
     for first in range(0, nodes if columns else 0, step):
-        some = basis.vectors.rows(slice(3 * first, 3 * (first + step))).astype(dtype, copy=False)
+        some = vectors.rows(slice(3 * first, 3 * (first + step))).astype(dtype, copy=False)
         data[first : first + step] = some.reshape(-1, 3, columns)
         yield some
+    if mix is not None:
+        _write_mix(group, None, mix)
+        yield mix
     group.file.flush()
     _write_mesh_and_frequencies(group, block, basis)
 
@@ -127,12 +133,16 @@ def read_block(group: h5py.Group, inner: BlockBasis | None = None) -> BlockBasis
         raise ResultError(f"its basis {data.shape} does not fit its mesh and frequencies {omega2.shape}")
     vectors: Basis = _vectors(data)
     if "mix" in group:
-        mix = group["mix"]
-        if inner is None or text_of(mix, "of") != _fingerprint(inner):
+        mix, contains = group["mix"], "of" in group["mix"].attrs
+        if contains and (inner is None or text_of(mix, "of") != _fingerprint(inner)):
             raise ResultError("the basis that it contains is of another reduction")
-        if len(mix) != len(inner.omega2) + data.shape[2] or 3 * nodes != inner.vectors.shape[0]:
-            raise ResultError(f"its basis {data.shape} does not fit the one that it contains")
-        vectors = Augmented(inner, _vectors(data).array, np.asarray(mix[()]))
+        size, rows = (len(inner.omega2), inner.vectors.shape[0]) if contains and inner else (0, 3 * nodes)
+        if len(mix) != size + data.shape[2] or 3 * nodes != rows:
+            raise ResultError(f"its basis {data.shape} does not fit the vectors that it is made of")
+        if contains and inner:
+            vectors = Augmented(inner, _vectors(data).array, np.asarray(mix[()]))
+        else:
+            vectors = Product(vectors, np.asarray(mix[()]))
     return BlockBasis(
         vectors=vectors,
         columns=slice(first, first + columns),
@@ -170,19 +180,6 @@ def _vectors(data: h5py.Dataset) -> Dense:
     return Mapped.of(data.file.filename, offset, shape)
 
 
-class Contained(NamedTuple):
-    """The basis that a finer one contains.
-
-    Attributes
-    ----------
-    basis : the basis that is contained, of k vectors
-    mix : (k + r, m) the finer basis in terms of those and of r vectors beside them
-    """
-
-    basis: BlockBasis
-    mix: Floats
-
-
 @dataclass(frozen=True)
 class StreamedBasis:
     """The basis of a block of n nodes that is written as its rows come.
@@ -190,10 +187,12 @@ class StreamedBasis:
     Attributes
     ----------
     omega2 : (m,) [1/s2]
-    rows : the basis (3 n, m), some rows of whole nodes at a time, from the first node to the last; of a basis
-        that contains another only the r vectors beside it, (3 n, r)
+    rows : the basis (3 n, m), or the r vectors that it is made of, (3 n, r): some rows of whole nodes at a
+        time, from the first node to the last
     inertia : (3 n, 3) M r for unit translations r [kg]
     report : numbers of the reduction, plain values
+    mix : (k + r, m) the basis in terms of the k vectors of the one that it contains and of r more; None where
+        `rows` are those of the basis
     contained : the basis that it contains; None where it contains none
     massless : how many of the last vectors have no mass
     """
@@ -202,7 +201,8 @@ class StreamedBasis:
     rows: Iterator[Floats]
     inertia: Floats
     report: dict[str, object]
-    contained: Contained | None = None
+    mix: Floats | None = None
+    contained: BlockBasis | None = None
     massless: int = 0
 
 
@@ -304,8 +304,9 @@ class BlockStore:
         ResultError
             where the folder or the disk refuses it.
         """
-        omega2, contained = streamed.omega2, streamed.contained
-        columns = len(omega2) if contained is None else len(contained.mix) - len(contained.basis.omega2)
+        omega2, mix, contained = streamed.omega2, streamed.mix, streamed.contained
+        columns = len(omega2) if mix is None else len(mix)
+        columns -= 0 if contained is None else len(contained.omega2)
         size = (len(block.points), 3, columns)
         participation, first = np.zeros((size[2], 3)), 0
         with creating(self.path(key), 8 * int(np.prod(size))) as file:
@@ -316,9 +317,10 @@ class BlockStore:
                 participation += piece.T @ streamed.inertia[3 * first : 3 * last]
                 first = last
             if contained is not None:
-                _write_mix(file, contained.basis, contained.mix)
-                inner = contained.basis.participation
-                participation = contained.mix.T @ np.vstack([inner, participation])
+                participation = np.vstack([contained.participation, participation])
+            if mix is not None:
+                _write_mix(file, contained, mix)
+                participation = mix.T @ participation
             basis = BlockBasis(
                 vectors=Dense(np.zeros((0, 0))),
                 columns=slice(0, len(omega2)),
@@ -329,10 +331,11 @@ class BlockStore:
             )
             file.attrs.update(key=key, source=SOURCE)
             _write_mesh_and_frequencies(file, block, basis)
-        written = self._written(key)
-        if contained is None:
-            return replace(basis, vectors=written)
-        return replace(basis, vectors=Augmented(contained.basis, written.array, contained.mix))
+        vectors: Basis = self._written(key)
+        if mix is not None:
+            rows = vectors.rows()
+            vectors = Product(vectors, mix) if contained is None else Augmented(contained, rows, mix)
+        return replace(basis, vectors=vectors)
 
     def _written(self, key: str) -> Dense:
         """The basis in a file that this store has just written."""

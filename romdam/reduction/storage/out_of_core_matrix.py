@@ -33,8 +33,6 @@ T = TypeVar("T")
 WIDTH = 32  # columns made at a time
 _HELD = 1e9  # bytes of some rows that are kept between products
 _TOGETHER = 128  # columns of a product at a time: 400 MB at 400,000 unknowns
-_ABREAST = 512  # columns of a product whose zero rows are left out together
-_SPARSE = 0.8  # of all rows, below which that pays
 
 
 class OutOfCoreMatrix:
@@ -162,18 +160,18 @@ class OutOfCoreMatrix:
 
     def before(self, A: csr_matrix | Floats) -> Floats:
         """A @ T for a few rows A (b, n)."""
-        product = np.empty((A.shape[0], self.shape[1]))
+        total = np.empty((A.shape[0], self.shape[1]))
         for some in self._blocks():
-            product[:, some] = A @ self._columns(some)
-        return product
+            total[:, some] = A @ self._columns(some)
+        return total
 
     def combined(self, V: Floats) -> Floats:
         """T @ V for a few columns V (m, k)."""
-        product = np.zeros((self.shape[0], V.shape[1]))
+        total = np.zeros((self.shape[0], V.shape[1]))
         for some in self._blocks():
             if V[some].any():
-                product += self._columns(some) @ V[some]
-        return product
+                total += self._columns(some) @ V[some]
+        return total
 
     def gram(
         self,
@@ -191,8 +189,8 @@ class OutOfCoreMatrix:
         """
         total, columns = np.zeros((self.shape[1],) * 2), self._reader(M.shape[0], rows, less)
         for k, right in enumerate(self._blocks(first)):
-            product, lefts = M @ columns(right), self._blocks(first)[: k + 1]
-            forms = self.each(partial(_times, columns, left, [product]) for left in lefts)
+            inertia, lefts = M @ columns(right), self._blocks(first)[: k + 1]
+            forms = self.each(partial(_times, columns, left, [inertia]) for left in lefts)
             for left, (form,) in zip(lefts, forms, strict=True):
                 total[left, right], total[right, left] = form, form.T
         return total[first:, first:]
@@ -242,19 +240,6 @@ class OutOfCoreMatrix:
         for low, high in pairwise(ends):
             yield self._columns(slice(first, self.shape[1]), slice(low, high))
 
-    def times(self, V: Floats, ends: list[int]) -> Iterator[Floats]:
-        """T @ V, rows ends[k] to ends[k + 1] at a time; V may be triangular once its rows are sorted."""
-        blocks = [slice(k, min(k + _ABREAST, V.shape[1])) for k in range(0, V.shape[1], _ABREAST)]
-        used = [np.flatnonzero(V[:, block].any(axis=1)) for block in blocks]
-        if sum(map(len, used)) > _SPARSE * len(V) * len(blocks):
-            yield from (piece @ V for piece in self.pieces(ends))
-            return
-        for piece in self.pieces(ends):
-            product = np.empty((len(piece), V.shape[1]))
-            for block, rows in zip(blocks, used, strict=True):
-                product[:, block] = piece[:, rows] @ V[rows, block]
-            yield product
-
     def each(self, tasks: Iterable[Callable[[], T]]) -> list[T]:
         """Results of tasks that read it, side by side where what a second one holds is little."""
         small = 8 * self.shape[0] * self.shape[1] <= _HELD
@@ -268,7 +253,7 @@ class OutOfCoreMatrix:
 def _times(columns: Callable[[slice], Floats], left: slice, products: list[Floats]) -> list[Floats]:
     """X^T P of a block of columns X and of every P."""
     X = columns(left)
-    return [X.T @ product for product in products]
+    return [X.T @ P for P in products]
 
 
 @contextmanager
