@@ -50,7 +50,12 @@ def stacked(members: Sequence[T]) -> T:
     return made
 
 
-def at(many: T, index: int | tuple[int, ...] | slice) -> T:
+def together(members: Sequence[T]) -> T:
+    """As `stacked`, of arrays that are only read: a lone member is not copied."""
+    return at(members[0], None) if len(members) == 1 else stacked(members)
+
+
+def at(many: T, index: int | tuple[int, ...] | slice | None) -> T:
     """Views of one of many, or of some: every array of a NamedTuple, and of those within it, at an index.
 
     Compiled functions may call it (`romdam.core.jit`), with numbers.

@@ -12,6 +12,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.basis import BlockBasis
 from romdam.core.system import System
 from romdam.effects.effect import ModalCoordinates
+from romdam.linalg.dense import sparse
 from romdam.reduction.basis import Lazy, Turn
 
 
@@ -93,12 +94,12 @@ def turned(
         system,
         M=csr_matrix(diags_array(mass)),
         K=csr_matrix(diags_array(omega2)),
-        B=csr_matrix(rows(system.B.toarray())),
+        B=sparse(rows(system.B.toarray())),
         load=rows(np.asarray(system.load).T).T,
         force=rows(system.force[None])[0],
         load_steps={kind: rows(force[None])[0] for kind, force in system.load_steps.items()},
         observe=csr_matrix(rows(system.observe.toarray())),
-        at_point=None if more is None else csr_matrix(rows(more.toarray())),
+        at_point=None if more is None else sparse(rows(more.toarray())),
         parts=change.parts(system.parts),
         sustained=sustained,
     )

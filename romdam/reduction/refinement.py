@@ -16,6 +16,7 @@ from romdam.core.basis import Basis, BlockBasis
 from romdam.core.scene import Scene
 from romdam.fem.assembly import assemble_mass
 from romdam.fem.parts import basis_over_unknowns
+from romdam.linalg.dense import sparse
 from romdam.reduction.basis import Augmented, Scaled
 from romdam.reduction.mode_choice import ModeChoice
 from romdam.reduction.substructure import has_no_mass
@@ -88,7 +89,7 @@ def embedding(scene: Scene, coarse: ReducedModel, fine: ReducedModel) -> csr_mat
     if fine.reservoir is not None and coarse.reservoir is not None:
         rows, columns = (model.system.parts["reservoir"] for model in (fine, coarse))
         matrix[rows, columns] = np.linalg.lstsq(fine.reservoir, coarse.reservoir, rcond=None)[0]
-    return csr_matrix(matrix)
+    return sparse(matrix)
 
 
 def _width(basis: BlockBasis) -> int:

@@ -24,6 +24,7 @@ from romdam.effects.effect import Effect, EffectCoordinates, ModalCoordinates
 from romdam.effects.scene_effects import scene_effects
 from romdam.fem.assembly import Assembly
 from romdam.fem.gaps import gap_law, gap_operators, point_operators
+from romdam.linalg.dense import sparse
 from romdam.linalg.solvers import candidates
 from romdam.reduction.basis import Scaled, Turn, over_coordinates
 from romdam.reduction.methods.craig_bampton import CraigBampton
@@ -251,7 +252,7 @@ def _reduced_scene(
             M=csr_matrix(diags_array(mass)),
             C=csr_matrix((size, size)),
             K=csr_matrix(diags_array(omega2)),
-            B=csr_matrix(over_coordinates(operators, basis, size, jumps)),
+            B=sparse(over_coordinates(operators, basis, size, jumps)),
             load=load,
             force=np.zeros(size),
             observe=csr_matrix(observe),
@@ -260,7 +261,7 @@ def _reduced_scene(
             diagonal=True,
             floating=bool((omega2 == 0.0).any()),
             reduced=True,
-            at_point=None if more is None else csr_matrix(over_coordinates(more, basis, size)),
+            at_point=None if more is None else sparse(over_coordinates(more, basis, size)),
             initial=scene.find(InitialState),
             extent=scene.extent,
         )

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from romdam.contact.components import NORMAL
 from romdam.contact.problem import GapMemory, GapProblem, blocks_of_gaps, gap_memory, self_flexibility
-from romdam.core.arrays import Bools, Floats, Ints, at, stacked
+from romdam.core.arrays import Bools, Floats, Ints, at, stacked, together
 from romdam.core.system import System
 from romdam.timestepping.equilibrium import system_gap_problem
 from romdam.timestepping.modal.arrays import BASE, ModalModel, StepHierarchy
@@ -95,7 +95,7 @@ class ModalScheme(Protocol):
 def make_split(system: System, dynamic: Ints, quasi_static: Ints, taper: Floats) -> ModeSplit:
     """Split the modes of a diagonal system by their numbers."""
     G = system.B.toarray()
-    tapered, rest = np.ascontiguousarray(G[:, dynamic] * taper), np.ascontiguousarray(G[:, quasi_static])
+    tapered, rest = G.take(dynamic, axis=1) * taper, G.take(quasi_static, axis=1)  # each row after row
     return ModeSplit(dynamic, quasi_static, tapered, rest, taper)
 
 
@@ -238,10 +238,10 @@ def step_levels(
     halves = [motion.half for motion in motions if model.conserving]
     levels = StepHierarchy(
         size=np.array([math.prod(steps.cuts[level:]) for level in range(len(steps.cuts) + 1)]),
-        step=stacked([motion.step for motion in motions]),
-        problem=stacked([stacked(of_levels) for of_levels in problems]),
+        step=together([motion.step for motion in motions]),
+        problem=together([stacked(of_levels) for of_levels in problems]),
         decay=np.stack([motion.decay for motion in motions]),
-        half=np.stack(halves) if halves else np.zeros((len(motions), 1, 0, 0)),
+        half=together(halves) if halves else np.zeros((len(motions), 1, 0, 0)),
     )
     return levels, index
 

@@ -41,6 +41,7 @@ from romdam.core.arrays import Floats, Ints
 from romdam.core.final_state import STATE_QUANTITIES, FinalState
 from romdam.core.recorded import GAP_QUANTITIES, PEAK_QUANTITIES, Quantity
 from romdam.core.system import Coordinates, GapLaw, History, System
+from romdam.linalg.dense import sparse
 from romdam.timestepping.settings import Start
 
 _SAME = 1e-5  # relative, of frequencies squared
@@ -128,7 +129,7 @@ def _equivalence(system: System, active: Ints, classes: Ints) -> Symmetry | None
         M=csr_matrix(diags_array((Q.T @ system.M @ Q).diagonal().round())),
         C=csr_matrix(diags_array((Q.T @ system.C @ Q).diagonal())),
         K=csr_matrix(diags_array((Q.T @ system.K @ Q).diagonal())),
-        B=csr_matrix(jumps @ Q),
+        B=sparse(jumps @ Q),
         load=Q.T @ system.load,
         force=Q.T @ system.force,
         load_steps={kind: Q.T @ force for kind, force in system.load_steps.items()},
