@@ -36,8 +36,7 @@ from romdam.core.scene import Block, Scene
 from romdam.core.sealed import text_of
 from romdam.postprocess.record_measures import peak_text, stated_warnings
 from romdam.postprocess.stress.summary import COMPONENTS
-from romdam.reduction.basis import factored
-from romdam.reduction.storage.model_file import rows_written
+from romdam.reduction.storage.model_file import rows_written, written
 from romdam.results.companion import in_order, open_companion_file, write_companion_file
 from romdam.results.dataset import open_run
 from romdam.results.stress.file import read_stress
@@ -91,9 +90,8 @@ def write_model(
         )
 
     blocks = {name: block for name, block in scene.blocks.items() if name not in left_out}
-    # what is written: vectors, and a mix that makes the basis of them, or none
-    parts = {name: factored(basis[name].vectors) or (basis[name].vectors, np.zeros(0)) for name in blocks}
-    size = sum(vectors.nbytes // 2 + mix.nbytes for vectors, mix in parts.values())
+    parts = {name: written(basis[name].vectors) for name in blocks}
+    size = sum(vectors.nbytes // 2 + (0 if mix is None else mix.nbytes) for vectors, mix in parts.values())
     return write_companion_file(
         folder, ("model", FORMAT), write_blocks, size, _model_digest(blocks, basis, carried)
     )

@@ -71,6 +71,11 @@ def _fingerprint(basis: BlockBasis) -> str:
     return fingerprint((basis.omega2, basis.participation))
 
 
+def written(basis: Basis) -> tuple[Basis, Floats | None]:
+    """What stands in a file of a basis: its vectors, or others and the mix that makes it of them."""
+    return factored(basis) or (basis, None)
+
+
 def rows_written(
     group: h5py.Group, block: Block, basis: BlockBasis, dtype: type[np.floating[Any]] = np.float64
 ) -> Iterator[NDArray[Any]]:
@@ -80,7 +85,7 @@ def rows_written(
     ----------
     dtype : precision that the basis is written in
     """
-    vectors, mix = factored(basis.vectors) or (basis.vectors, None)
+    vectors, mix = written(basis.vectors)
     nodes, columns = len(block.points), vectors.shape[1]
     step = max(1, min(nodes, _CHUNK_BYTES // max(1, 3 * np.dtype(dtype).itemsize * columns)))
     small = vectors.nbytes < _MAPPED
