@@ -1,9 +1,9 @@
-"""Thin factors of matrices whose rank is known."""
+"""Thin factors of matrices whose rank is known, and sparse matrices of dense ones."""
 
 import numpy as np
 import pytest
 
-from romdam.linalg.dense import factors
+from romdam.linalg.dense import factors, sparse
 
 RNG = np.random.default_rng(7)
 
@@ -46,3 +46,12 @@ def test_few_rows_need_no_more_combinations_than_they_are():
     left, right = factors(A)
     assert right.shape == (6, 60)
     np.testing.assert_allclose(left @ right, A, atol=1e-7)
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_a_sparse_matrix_has_what_is_not_zero_in_its_place(order):
+    A = np.array([[0.0, 2.0, 0.0], [0.0, 0.0, 0.0], [-1.0, np.nan, 3.0], [0.0, 0.0, 1e-300]], order=order)
+    made = sparse(A)
+    np.testing.assert_array_equal(made.toarray(), A)
+    assert made.indptr.tolist() == [0, 1, 1, 4, 5] and made.indices.tolist() == [1, 0, 1, 2, 2]
+    assert sparse(np.zeros((0, 3))).shape == (0, 3) and sparse(np.zeros((2, 0))).nnz == 0
