@@ -43,8 +43,7 @@ from romdam.effects.turned import NewUnknowns, turned
 from romdam.fem.water.body import WaterBody, vector_operator
 from romdam.fem.water.own_mesh import water_body
 from romdam.geometry.elements import Floats
-from romdam.linalg.dense import eigh, without_roundoff
-from romdam.linalg.modes.rigid import without_strain
+from romdam.linalg.dense import soft_and_stiff_modes
 from romdam.scene.reservoir.wet_mesh import WetMesh, wet_mesh
 
 MOST_WET = 40_000_000  # entries of incompressible water's added mass: 0.5 GB, and as much in its factors
@@ -233,7 +232,6 @@ def _diagonalised(
     """A diagonal system in its modes with the water, whose operator on its wet unknowns is B[:, wet]."""
     k = system.K.diagonal()[wet]
     omega2, V = wet_modes(k, B[:, wet], water)
-    omega2 = without_strain(without_roundoff(omega2), int((k == 0.0).sum()))
     return turned(system, coordinates, NewUnknowns("water", wet, V, omega2, np.ones(len(wet))))
 
 
@@ -252,7 +250,6 @@ def wet_modes(k: Floats, B: Floats, water: AddedMass) -> tuple[Floats, Floats]:
     """
     M = np.eye(len(k)) + B.T @ water.times(B)
     try:
-        omega2, V = eigh(np.diag(k), 0.5 * (M + M.T))
+        return soft_and_stiff_modes(np.diag(k), 0.5 * (M + M.T), int((k == 0.0).sum()))
     except LinAlgError as error:
         raise ReductionError(f"water: the modes' mass is not positive definite ({error})") from error
-    return np.asarray(omega2), np.asarray(V)

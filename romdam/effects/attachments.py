@@ -32,8 +32,7 @@ from romdam.core.system import PseudoStatic, System
 from romdam.effects.effect import EffectCoordinates, MeshCoordinates, ModalCoordinates
 from romdam.effects.moving_supports import applied
 from romdam.effects.turned import NewUnknowns, turned
-from romdam.linalg.dense import eigh, without_roundoff
-from romdam.linalg.modes.rigid import without_strain
+from romdam.linalg.dense import eigh, soft_and_stiff_modes
 
 _FREE = 1e-9  # of a spring's stretch in the largest of rigid motions: what is less is none
 
@@ -208,19 +207,18 @@ def _diagonalised(
     K = np.diag(omega2[dynamic]) + R_d.T @ (k[:, None] * R_d)
     K_l = np.diag(omega2[light]) + R_l.T @ (k[:, None] * R_l)
     M = np.eye(len(dynamic)) + R_d.T @ (m[:, None] * R_d)
+    rigid = np.flatnonzero(omega2[dynamic] == 0.0)
+    left = _unstretched(R_d[:, rigid], k, np.ones(len(rigid))).shape[1] if len(rigid) else 0
     try:
         # those without mass answer at once: light = follow @ dynamic + what they do by themselves
         follow = -np.linalg.solve(K_l, R_l.T @ (k[:, None] * R_d))
         K = K + (R_d.T @ (k[:, None] * R_l)) @ follow
-        squares, V = eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
+        squares, V = soft_and_stiff_modes(0.5 * (K + K.T), 0.5 * (M + M.T), left)
         squares_l, V_l = eigh(K_l, np.eye(len(light)))
     except (LinAlgError, np.linalg.LinAlgError) as error:
         raise ReductionError(
             f"attachments: the modes with their springs and masses could not be found ({error})"
         ) from error
-    rigid = np.flatnonzero(omega2[dynamic] == 0.0)
-    left = _unstretched(R_d[:, rigid], k, np.ones(len(rigid))).shape[1] if len(rigid) else 0
-    squares = without_strain(without_roundoff(np.asarray(squares)), left)
     mixed = np.concatenate([dynamic, light])
     both = np.zeros((len(mixed), len(mixed)))
     n = len(dynamic)

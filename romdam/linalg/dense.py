@@ -40,6 +40,32 @@ def eigh(K: Floats, M: Floats | None = None, kind: int = 1) -> tuple[Floats, Flo
     return np.asarray(values), np.asarray(vectors)
 
 
+def soft_and_stiff_modes(K: Floats, M: Floats, rigid: int = 0) -> tuple[Floats, Floats]:
+    """All modes of K x = omega^2 M x, ascending, where some may be 1e15 times as stiff as others.
+
+    Of M x = mu (K + s M) x the softest have the largest mu and keep their digits: their omega^2 would be
+    round-off of the stiffest ones. Vectors of unit energy keep the flexibility of the stiffest.
+
+    Parameters
+    ----------
+    K, M : (n, n) symmetric; M positive definite
+    rigid : number of motions without strain, whose omega^2 are zero
+
+    Returns
+    -------
+    omega2 : (n,) [1/s2]
+    X : (n, n), X^T M X = 1
+    """
+    of_each = np.diag(K) / np.diag(M)
+    strained = of_each[of_each > 0.0]
+    shift = 0.0 if not rigid else float(strained.min()) if len(strained) else 1.0
+    mu, X = (part[..., ::-1] for part in eigh(M, K + shift * M))
+    mu = np.maximum(mu, np.finfo(float).eps * mu.max(initial=0.0))
+    omega2 = 1.0 / mu - shift
+    omega2[:rigid] = 0.0
+    return omega2, X / np.sqrt(mu)
+
+
 def factors(A: Floats) -> tuple[Floats, Floats]:
     """A (n, m) as left (n, r) @ right (r, m): r of its columns, and each column as a combination of these.
 

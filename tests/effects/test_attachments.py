@@ -502,7 +502,7 @@ def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
     assert data.anchor.values.tolist() == ["A", "B"] and data.anchor_force.dims == ("time", "anchor")
     force = data.anchor_force.values
     assert (data.anchor_force_least.values <= force.min(axis=0)).all()
-    assert (data.anchor_force_largest.values >= force.max(axis=0)).all()
+    assert (data.anchor_force_largest.values >= force.max(axis=0) - 1e-9).all()  # round-off of 2 MN
     np.testing.assert_allclose(np.diff(force, axis=1), 1e3 - 2e6)  # springs alike
     said = " ".join(json.loads(data.attrs["run_warnings"]))
     assert "anchors.B goes slack: its force falls to" in said and "anchors.A goes slack" not in said

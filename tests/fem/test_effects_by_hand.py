@@ -28,6 +28,43 @@ def test_wet_mode_of_one_unknown():
     )
 
 
+@pytest.mark.parametrize("stiff", [1e3, 5e15])
+def test_wet_modes_keep_the_digits_of_the_softest_beside_stiff_ones(stiff):
+    """k = 0, 40 and one 1e14 times as much: the stiff one is a support for the others, or a root by hand."""
+    b, F = np.array([3.0, 2.0, 1.0]), 5.0
+    water = AddedMass({}, np.array([[F]]), np.zeros((1, 3)))
+    m = np.eye(3) + F * np.outer(b, b)
+    # two unknowns: the lower root of det(K - omega^2 M) = 0 without a difference of large numbers
+    omega2, V = wet_modes(np.array([40.0, stiff]), b[None, 1:], water)
+    first, half, last = (
+        m[1, 1] * m[2, 2] - m[1, 2] ** 2,
+        0.5 * (40.0 * m[2, 2] + stiff * m[1, 1]),
+        40.0 * stiff,
+    )
+    low = last / (half + np.sqrt(half**2 - first * last))
+    assert omega2[0] == pytest.approx(low, rel=1e-13) and omega2[1] == pytest.approx(
+        last / first / low, rel=0.2
+    )
+    # a load on the stiff unknown moves it by 1 / stiff, whatever becomes of its frequency
+    assert V[1] @ (V[1] / omega2) == pytest.approx(1.0 / stiff, rel=1e-12)
+    omega2, V = wet_modes(np.array([stiff, 0.0, 40.0]), np.roll(b, 1)[None], water)
+    assert omega2[0] == 0.0 and abs(V[[0, 2], 0]).max() < 1e-12 * abs(V[1, 0])
+    if stiff > 1e12:
+        wet = m[:2, :2]
+        assert omega2[1] == pytest.approx(40.0 * wet[0, 0] / np.linalg.det(wet), rel=1e-12)
+
+
+def test_wet_modes_of_many_unknowns_do_not_depend_on_their_order():
+    """Of springs over 14 decades the lowest is 1 over the largest eigenvalue of k^-1/2 M k^-1/2."""
+    random = np.random.default_rng(3)
+    k, B = 10.0 ** random.uniform(1.5, 15.7, 60), random.normal(size=(5, 60))
+    water = AddedMass({}, None, np.zeros((1, 3)))
+    scaled = B / np.sqrt(k)
+    lowest = 1.0 / np.linalg.eigvalsh(np.diag(1.0 / k) + scaled.T @ scaled)[-3:][::-1]
+    for order in (np.arange(60), np.argsort(k), random.permutation(60)):
+        assert wet_modes(k[order], B[:, order], water)[0][:3] == pytest.approx(lowest, rel=1e-11)
+
+
 def test_waves_of_a_channel_with_one_section_mode():
     """H = 2, G = 1/2: phi = sqrt 2, wave number 2. Floor 0.3, flux (1, 3, 0), c = 1400 m/s, q = 1e-4.
 
