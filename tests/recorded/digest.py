@@ -61,6 +61,7 @@ CROSSINGS = re.compile("duration")
 _OF_FORCE = re.compile(r"(?:^|\[)(?:N|N m|Pa|J)(?:$|\])")  # a unit, in a heading or a long name too
 _NOISY_ROW = re.compile("CPU|seconds|wall time|largest residual|ledger lacks|not accounted for")  # of a table
 _UNSETTLED = re.compile(r"still moved \S+ of [^\s)]+")  # of an iteration without end
+FINGERPRINT = re.compile(r"-[0-9a-f]{12}\b")  # in the name of a file: of the code as well
 _POWER = re.compile("·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _NUMBER = re.compile(
@@ -105,7 +106,8 @@ def of_text(text: str) -> Entry:
     for line in text.splitlines():
         if NOISY_LINE.search(line):
             continue
-        plain = _POWER.sub(lambda power: f"e{power[1].translate(_RAISED)}", _UNSETTLED.sub("", line))
+        plain = FINGERPRINT.sub("", _UNSETTLED.sub("", line))
+        plain = _POWER.sub(lambda power: f"e{power[1].translate(_RAISED)}", plain)
         for printed, after in _NUMBER.findall(plain):
             number = float(printed.replace(",", ""))
             numbers.append(0.0 if abs(number) < PRINTED_FLOOR else number)

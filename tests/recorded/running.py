@@ -104,7 +104,7 @@ def recorded(name: str, folder: Path) -> digest.Digest:
     for path in sorted(folder.rglob("*")):
         inside = path.relative_to(folder).as_posix()
         if path.is_file() and path not in before and "cache" not in inside and ".log" not in inside:
-            inside = re.sub(r"-[0-9a-f]{12}\b", "-*", inside)
+            inside = digest.FINGERPRINT.sub("-*", inside)
             found[f"file {inside}"] = ["there"]
             found |= dict(digest.of_file(path, inside))
     return {thing: entry for thing, entry in found.items() if not TIMED.search(thing)}
