@@ -183,7 +183,7 @@ def test_columns_are_the_matrix_by_rows_and_by_columns(tmp_path, matrix):
     T.fill(14, lambda first, last: matrix[:, first:last])
     V = np.eye(14)
     assert np.array_equal(T.combined(V), matrix)
-    assert np.array_equal(np.vstack(list(T.times(V, [0, 7, 8, 30]))), matrix)
+    assert np.array_equal(np.vstack(list(T.pieces([0, 7, 8, 30]))), matrix)
     assert np.array_equal(T.before(np.eye(30)), matrix)
     T.remove()
     assert not list(tmp_path.iterdir())
