@@ -16,7 +16,7 @@ from romdam.benchmarks.jobs import modes_of
 from romdam.benchmarks.table import shipped_rows
 from romdam.core.errors import ConfigError, ConvergenceError
 
-SLOW = {"pine-flat", "pacoima", "cracked-base", "ssnp142f", "two-cantilevers"}
+SLOW = {"pine-flat", "pine-flat-tests", "pacoima", "cracked-base", "ssnp142f", "two-cantilevers"}
 # case: what the source of a number that is known to differ begins with
 KNOWN = {"ssnp142f": "GEFDYN", "pacoima": "Alves", "pine-flat-tests": "Rea"}
 SOUGHT = "westergaard"  # a case that takes no time
@@ -82,6 +82,7 @@ def test_pine_flat_of_a_wrong_model_is_outside():
     )
 
 
+@pytest.mark.slow
 def test_the_share_of_water_in_the_laboratorys_arch_is_that_of_its_density():
     """A modulus leaves the ratio as it is; concrete of half the density does not, and is outside."""
     ratios = []

@@ -71,6 +71,7 @@ def test_at_rest_it_is_a_linear_spring(order, along):
     assert gaps.stored == pytest.approx(0.5 * (jump * -springs).sum(), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_shaken_it_swings_as_the_linear_system():
     """Against the modes of the linear system with the springs, under a half sine along the joint and across.
 

@@ -606,6 +606,7 @@ outputs: {plots: false}
 """
 
 
+@pytest.mark.slow
 def test_runs_on_other_meshes_do_not_look_for_the_range_of_states_at_rest(tmp_path, monkeypatch):
     """The run itself does, once; nobody reads the warnings of the others."""
     reversed_orders, find = [], load_order.static_equilibrium

@@ -455,7 +455,10 @@ def write_record(folder):
     np.savetxt(folder / "pulse.txt", 6.0 * acc / np.abs(acc).max())
 
 
-@pytest.mark.parametrize("kind", jobs())
+LONG = ("a suite", "a sequence")
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.slow] * (k in LONG)) for k in jobs()])
 def test_all_that_is_printed_of_a_job_is_one_set_of_numbers(kind, tmp_path, request):
     if kind != "without friction":  # one job has its pictures drawn
         request.getfixturevalue("unrendered")

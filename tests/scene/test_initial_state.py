@@ -332,6 +332,7 @@ def test_file_that_holds_no_state_is_refused(result, tmp_path, content):
     assert not list(tmp_path.glob("out/*.nc"))
 
 
+@pytest.mark.slow
 def test_suites_begin_with_a_state(result, tmp_path):
     """Every run of a suite begins as a lone one, and its kept result serves another job."""
     second = pulses(-6.0, 2, 1.2)

@@ -213,6 +213,7 @@ def test_target_intensities_are_reached(tmp_path):
     np.testing.assert_allclose(found.scale, [0.980665, 2.941995])
 
 
+@pytest.mark.slow
 def test_a_kept_run_is_certified_with_its_sample_and_scale(tmp_path):
     """A run that a suite has kept, and the same job as a lone run: one certificate."""
     config = write_job(tmp_path, records=1, suite={"keep": "full", "scales": [0.5, 2.0], "parameters": MU})

@@ -57,6 +57,7 @@ def test_generalized_alpha_closes_its_ledger(rho_inf, law, reduced):
         assert imbalance(h.energy | without) > 1e-5
 
 
+@pytest.mark.slow
 def test_what_the_scheme_takes_vanishes_with_the_step():
     """To second order for a smooth motion: k dt dv.M da sums up to k dt^2 / 2 times the change of a.M a."""
     taken = [
