@@ -109,7 +109,10 @@ def refuse_divisions(
             name = first if step == 0 else next(iter(left.changes))
             changed[name] = left.changes[name]
             divisions = divisions.model_copy(update={name: left.changes[name]})
-            larger = math.prod(max(_size(v) / _size(getattr(stated, key)), 1.0) for key, v in changed.items())
+            larger = math.prod(
+                max(_elements_in_all(v) / _elements_in_all(getattr(stated, key)), 1.0)
+                for key, v in changed.items()
+            )
             if len(mesh.owner) * larger > _MOST_ELEMENTS:
                 return {}
             try:
@@ -130,17 +133,14 @@ def refuse_divisions(
     least = min(map(len, ways.values()), default=0)
     ways = {name: changes for name, changes in ways.items() if len(changes) == least}
     remedy = ", or ".join(
-        " and ".join(
-            f"{'raise' if _size(value) > _size(getattr(stated, name)) else 'lower'} divisions.{name} to "
-            f"{_shown(value)}"
-            for name, value in changes.items()
-        )
+        " and ".join(_change_in_words(name, getattr(stated, name), value) for name, value in changes.items())
         for changes in ways.values()
     )
     first = next(iter(ways or fault.changes), next(iter(type(stated).model_fields)))
+    is_now = _division_in_words(getattr(stated, first))
     raise ConfigError(
-        f"{location}.divisions.{first} = {_shown(getattr(stated, first))}: in block {blocks[fault.block]} "
-        f"around {fault.place} m {fault.what}; "
+        f"{location}.divisions.{first} = {is_now}: in block {blocks[fault.block]} around {fault.place} m "
+        f"{fault.what}; "
         f"{remedy or f'no divisions were found with which all elements are sound: {fault.shape}'}"
     )
 
@@ -214,10 +214,16 @@ def _least_determinants(mesh: GridElements) -> Floats:
     )
 
 
-def _size(division: Counts | float) -> float:
-    """A division as one number."""
+def _change_in_words(name: str, former: Counts | float, value: Counts | float) -> str:
+    verb = "raise" if _elements_in_all(value) > _elements_in_all(former) else "lower"
+    return f"{verb} divisions.{name} to {_division_in_words(value)}"
+
+
+def _elements_in_all(division: Counts | float) -> float:
+    """A division as one number, to compare two of them."""
     return float(sum(division)) if isinstance(division, tuple) else division
 
 
-def _shown(division: Counts | float) -> str:
+def _division_in_words(division: Counts | float) -> str:
+    """A division as it stands in a configuration."""
     return str(list(division)) if isinstance(division, tuple) else f"{division:.4g}"

@@ -61,7 +61,7 @@ def soft_and_stiff_modes(K: Floats, M: Floats, rigid: int = 0) -> tuple[Floats, 
     shift = 0.0 if not rigid else float(strained.min()) if len(strained) else 1.0
     mu, X = (part[..., ::-1] for part in eigh(M, K + shift * M))
     mu = np.maximum(mu, np.finfo(float).eps * mu.max(initial=0.0))
-    omega2 = 1.0 / mu - shift
+    omega2 = np.maximum(1.0 / mu - shift, 0.0)
     omega2[:rigid] = 0.0
     return omega2, X / np.sqrt(mu)
 

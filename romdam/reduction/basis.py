@@ -336,23 +336,24 @@ def over_coordinates(
     operators: Mapping[str, csr_matrix],
     basis: Mapping[str, BlockBasis],
     size: int,
-    coarser: dict[str, Floats] | None = None,
+    made: dict[str, tuple[Basis, Floats]] | None = None,
 ) -> Floats:
     """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows.
 
     Parameters
     ----------
-    coarser : block name -> its operator on the basis that a finer one contains; gains those on these bases
+    made : block name -> a basis and its operator, of which that on a basis which contains it is made; gains
+        those of these bases
     """
     total = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, operator in operators.items():
         rows = np.flatnonzero(operator.getnnz(axis=1))
-        vectors, of_inner = basis[name].vectors, None if coarser is None else coarser.get(name)
-        if isinstance(vectors, Augmented) and of_inner is not None:
-            of_block = vectors.under(operator[rows], of_inner)
+        vectors, known = basis[name].vectors, (made or {}).get(name)
+        if isinstance(vectors, Augmented) and known is not None and vectors.inner.vectors is known[0]:
+            of_block = vectors.under(operator[rows], known[1])
         else:
             of_block = vectors.under(operator[rows])
-        if coarser is not None:
-            coarser[name] = of_block
+        if made is not None and not isinstance(vectors, Augmented):
+            made[name] = vectors, of_block
         total[rows, basis[name].columns] += of_block
     return total

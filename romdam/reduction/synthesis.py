@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix, diags_array
 
 from romdam.config.sections.job import DampingConfig, ModelConfig
 from romdam.core.arrays import Floats
-from romdam.core.basis import BlockBasis
+from romdam.core.basis import Basis, BlockBasis
 from romdam.core.errors import ReductionError
 from romdam.core.final_state import InitialState
 from romdam.core.scene import Scene
@@ -226,7 +226,7 @@ def _reduced_scene(
         name: reduce_substructure(selected[name], substructure, choices, store)
         for name, substructure in substructures.items()
     }
-    models, jumps = [], dict[str, Floats]()
+    models, jumps = [], dict[str, tuple[Basis, Floats]]()
     for level, choice in enumerate(choices):
         basis, columns = dict[str, BlockBasis](), dict[str, slice]()
         size = 0  # the coordinates of the parts one after another, in the scene's order

@@ -358,3 +358,14 @@ def test_a_perimeter_that_is_too_thin_for_any_divisions_is_refused_with_a_thickn
     assert soundness(make(raw(0.05 * int(times))).blocks["perimeter"])[1].max() < 100.0
     with pytest.raises(ConfigError, match="in block perimeter around"):
         make(raw(0.05 * (int(times) - 2)))
+
+
+def test_rows_of_intervals_that_are_too_thin_are_refused_with_rows_that_are_not(make):
+    def raw(up):
+        return gravity_dam(divisions=GRAVITY_DIVISIONS | {"through": 1, "up": up})
+
+    with pytest.raises(ConfigError, match=r"divisions.up = \[100, 2, 2, 2\]: in block monolith_2") as refused:
+        make(raw([100, 2, 2, 2]))
+    (rows,) = re.findall(r"lower divisions\.up to \[([\d, ]+)\]", str(refused.value))
+    blocks = make(raw([int(row) for row in rows.split(", ")])).blocks
+    assert max(soundness(blocks[f"monolith_{k}"])[1].max() for k in (1, 2, 3)) < 100.0

@@ -198,10 +198,13 @@ def test_rows_that_are_shared_out_have_no_coarser_mesh_until_they_are_even():
 def test_numbers_of_intervals_are_those_of_the_elevations_where_something_changes():
     assert steps_job({"up": 8}).config.gravity_dam.rows == (1, 1, 4, 3)
     with pytest.raises(
-        ConfigError, match=r"`divisions.up` has 3 numbers for 4 intervals, between elevations "
+        ConfigError,
+        match=r"`divisions.up` has 3 numbers, of intervals between elevations .* m there are 4; give",
     ):
         steps_job({"up": [2, 2, 4]})
-    with pytest.raises(ConfigError, match=r"3 numbers for 1 intervals, between the faces; give one number"):
+    with pytest.raises(
+        ConfigError, match=r"3 numbers, of intervals between the faces there is 1; give one number"
+    ):
         steps_job({"through": [1, 1, 1]})
     with pytest.raises(ConfigError, match=r"`divisions.up` are 203 elements, limit 200; give fewer"):
         steps_job({"up": [1, 1, 200, 1]})

@@ -314,7 +314,7 @@ class BlockStore:
         columns -= 0 if contained is None else len(contained.omega2)
         size = (len(block.points), 3, columns)
         participation, first = np.zeros((size[2], 3)), 0
-        with creating(self.path(key), 8 * int(np.prod(size))) as file:
+        with creating(self.path(key), 8 * int(np.prod(size)) + (0 if mix is None else mix.nbytes)) as file:
             data = file.create_dataset("basis", shape=size, dtype="f8")
             for piece in streamed.rows:
                 last = first + len(piece) // 3
@@ -338,8 +338,8 @@ class BlockStore:
             _write_mesh_and_frequencies(file, block, basis)
         vectors: Basis = self._written(key)
         if mix is not None:
-            rows = vectors.rows()
-            vectors = Product(vectors, mix) if contained is None else Augmented(contained, rows, mix)
+            whole = vectors.rows()
+            vectors = Product(vectors, mix) if contained is None else Augmented(contained, whole, mix)
         return replace(basis, vectors=vectors)
 
     def _written(self, key: str) -> Dense:

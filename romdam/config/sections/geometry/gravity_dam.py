@@ -212,8 +212,9 @@ class GravityDamConfig(Model):
             counts = getattr(self.divisions, key)
             if isinstance(counts, tuple) and len(counts) != intervals[key]:
                 raise ValueError(
-                    f"`divisions.{key}` has {len(counts)} numbers for {intervals[key]} intervals, between "
-                    f"{ends}; give one number for all, or one for each"
+                    f"`divisions.{key}` has {len(counts)} numbers, of intervals between {ends} there "
+                    f"{'is' if intervals[key] == 1 else 'are'} {intervals[key]}; give one number for all, or "
+                    "one for each"
                 )
             if in_all(counts) > MOST_DIVISIONS:
                 raise ValueError(
