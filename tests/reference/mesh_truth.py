@@ -220,7 +220,7 @@ def make_job(case: str, record: str, seconds: float) -> Job:
     entry = record_entry(record)
     entry["components"] = dict.fromkeys(along, entry["components"]["x"])
     raw |= {
-        "materials": {"concrete": _CONCRETE | {"expansion": 1e-5}},
+        "materials": {"concrete": _CONCRETE | {"expansion": 1e-5}} | raw.pop("more_materials", {}),
         "damping": {"rayleigh": {"frequencies": [2.2, 20.0], "ratio": 0.05}},
         "records": [entry],
         "model": {"modes": 60, "residual_vectors": 20},
