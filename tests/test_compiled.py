@@ -51,7 +51,7 @@ def test_a_closed_installation_keeps_what_is_compiled_among_temporary_files(tmp_
     assert float(total) == 3.0 and hits == "1"
 
 
-@pytest.mark.parametrize("kind", ["open to others", "a link", "a file"])
+@pytest.mark.parametrize("kind", [pytest.param("open to others", marks=pytest.mark.slow), "a link", pytest.param("a file", marks=pytest.mark.slow)])
 def test_a_planted_folder_is_not_used(tmp_path, kind):
     """What is cached is unpickled: whoever may write it may have anything run."""
     own = tmp_path / f"romdam-numba-{os.getuid()}"

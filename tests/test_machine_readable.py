@@ -265,7 +265,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_run_that_is_killed_leaves_its_log_so_far(config, tmp_path, number):  # noqa: F811
     out = tmp_path / "out"
     args = [sys.executable, "-c", KILLED, "run", str(config), "--out", str(out), "--no-cache"]

@@ -133,10 +133,10 @@ def exact():
 @pytest.mark.parametrize(
     ("names", "model"),
     [
-        (("left", "tail", "right"), {"order": "full"}),
+        pytest.param(("left", "tail", "right"), {"order": "full"}, marks=pytest.mark.slow),
         (("left", "tail", "right"), {"modes": "all"}),
         (("c", "b", "a"), {"modes": 60}),
-        (("c", "b", "a"), {"order": "full"}),
+        pytest.param(("c", "b", "a"), {"order": "full"}, marks=pytest.mark.slow),
     ],
 )
 def test_pounding_bars_of_three_dampings_move_as_by_scipy(exact, names, model):
@@ -290,9 +290,9 @@ def test_what_cannot_have_it_is_refused_by_the_key():
 @pytest.mark.parametrize(
     ("effects", "path", "value"),
     [
-        ((), "materials.rock.damping.beta", 1.5e-3),
-        (("free field",), "materials.rock.damping.beta", 1.5e-3),
-        (("incompressible water", "anchors"), "materials.concrete.damping.ratio", 0.02),
+        pytest.param((), "materials.rock.damping.beta", 1.5e-3, marks=pytest.mark.slow),
+        pytest.param(("free field",), "materials.rock.damping.beta", 1.5e-3, marks=pytest.mark.slow),
+        pytest.param(("incompressible water", "anchors"), "materials.concrete.damping.ratio", 0.02, marks=pytest.mark.slow),
         (("moduli by duration", "viscous boundary"), "materials.*.damping.alpha", 1.1),
     ],
 )

@@ -39,12 +39,12 @@ def l2(values, reference):
 @pytest.mark.parametrize(
     "effects",
     [
-        ("compressible water",),
+        pytest.param(("compressible water",), marks=pytest.mark.slow),
         pytest.param(("compressible water", "free field"), marks=pytest.mark.slow),
         pytest.param(("compressible water", "free field", ON_ROCK), marks=pytest.mark.slow),
         pytest.param(("compressible water", "moving supports", ON_ROCK), marks=pytest.mark.slow),
         ("compressible water", "moving supports"),
-        ("viscous boundary",),
+        pytest.param(("viscous boundary",), marks=pytest.mark.slow),
     ],
 )
 def test_estimate_and_certificate_of_coupled_modes_are_near_the_true_error(effects, folder, tmp_path):
@@ -69,7 +69,7 @@ def test_estimate_and_certificate_of_coupled_modes_are_near_the_true_error(effec
     ("effects", "path", "values"),
     [
         (("compressible water",), "damping.rayleigh.ratio", [0.03, 0.1]),
-        (("compressible water", "free field"), "joints.joint.friction", [0.1, 0.8]),
+        pytest.param(("compressible water", "free field"), "joints.joint.friction", [0.1, 0.8], marks=pytest.mark.slow),
         pytest.param(
             ("compressible water", "free field", ON_ROCK),
             "joints.joint.friction",

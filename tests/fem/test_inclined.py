@@ -184,7 +184,7 @@ def of_wave(acc, p, wave, axis, points, origin):
 
 @pytest.mark.parametrize(
     ("degrees", "wave", "azimuth", "element"),
-    [(20, "s", 0.0, "hex8"), (30, "s", 0.6, "hex8"), (40, "p", 0.0, "hex8"), (25, "s", 0.0, "hex20")],
+    [pytest.param(20, "s", 0.0, "hex8", marks=pytest.mark.slow), pytest.param(30, "s", 0.6, "hex8", marks=pytest.mark.slow), pytest.param(40, "p", 0.0, "hex8", marks=pytest.mark.slow), (25, "s", 0.0, "hex20")],
 )
 def test_box_of_rock_moves_as_the_half_space(degrees, wave, azimuth, element):
     """One SV or P wave by Aki and Richards: acceleration on the surface and below within 1 % of its peak."""
@@ -289,7 +289,7 @@ def test_surface_factors_are_those_of_the_printed_reflections(degrees):
     np.testing.assert_allclose(hand[1], [np.sqrt(3.0), 1.0], rtol=1e-12)
 
 
-@pytest.mark.parametrize("order", ["full", "reduced"])
+@pytest.mark.parametrize("order", [pytest.param("full", marks=pytest.mark.slow), "reduced"])
 def test_layers_of_unlike_stiffness_and_damping_move_as_the_field(order):
     """Two layers, all three components at once: within 2 % of the sum of waves at four places."""
     raw = rock(18, axis=(0.8, 0.6, 0.0), edge=10.0, element="hex20")

@@ -48,7 +48,7 @@ def job(folder, blocks):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("order", [("a", "b"), ("b", "a")])
+@pytest.mark.parametrize("order", [pytest.param(("a", "b"), marks=pytest.mark.slow), ("b", "a")])
 def test_bodies_of_one_set_are_blocks_like_boxes(tmp_path, order):
     deck = write_deck(tmp_path / "two.inp", order)
     meshes = {

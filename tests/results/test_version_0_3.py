@@ -65,6 +65,7 @@ def test_summary_has_every_variable_its_weights_and_frequencies(old, names):
     assert summary.peak_slip.shape == (2, 2, 2, 3) and "annual_frequency" in summary
 
 
+@pytest.mark.slow
 def test_commands_show_what_0_3_wrote_without_a_warning_of_names(old, caplog):
     with caplog.at_level(logging.WARNING):
         for command in (

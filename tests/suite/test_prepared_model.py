@@ -149,7 +149,7 @@ def test_samples_of_a_suite_in_one_call_are_its_summary(tmp_path):
     assert np.array_equal(joined.values, response_of(summary, "peak_opening").values)
 
 
-@pytest.mark.parametrize("processes", [False, True])
+@pytest.mark.parametrize("processes", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_threads_and_pickles_give_the_same_bits(tmp_path, processes):
     model = romdam.prepare(write_job(tmp_path, 1, transient=SHORT, **RUBS))
     if processes:

@@ -40,7 +40,7 @@ class Recorder:
             return None
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_batch_tells_how_far_it_is_before_it_ends(workers, tmp_path, monkeypatch):
     """Four runs in one batch: without a word from within there would be one, at the end."""
     monkeypatch.setattr(progress_module, "_EVERY", 0.02)

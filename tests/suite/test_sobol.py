@@ -166,6 +166,7 @@ def test_failed_runs_leave_out_their_base_samples_and_many_of_them_everything():
     assert flat["first"].isnull().all() and flat.attrs["statement"] == ""
 
 
+@pytest.mark.slow
 def test_a_suite_has_the_shares_of_a_closed_form_oscillator(tmp_path):
     """Under a constant acceleration the peak displacement goes with rho / E, of lognormal rho and E.
 

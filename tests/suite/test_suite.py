@@ -82,7 +82,7 @@ def test_files_keep_to_cf(whole, tmp_path):
             assert errors_of_the_checker(path, tmp_path / "report.json") == [], path
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.6])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 0.6])
 def test_a_run_of_a_suite_has_the_bits_of_a_single_one(tmp_path, friction):
     """Though four march together, with a step for an accuracy, and only peaks are kept."""
     joints = {"gap": BASE["joints"]["gap"] | {"friction": friction}}

@@ -220,6 +220,7 @@ ONE = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_moments_of_the_peak_of_an_oscillator_are_the_closed_form(tmp_path):
     """Set off by a constant acceleration, modes of one damping ratio have a peak displacement ~ rho / E.
 

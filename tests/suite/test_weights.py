@@ -145,7 +145,7 @@ def test_weights_that_do_not_fit_the_records_are_refused(weights, said):
     assert str(refused.value).startswith("job.yaml: suite.weights: ") and said in str(refused.value)
 
 
-@pytest.mark.parametrize("pipeline", ["suite", "run"])
+@pytest.mark.parametrize("pipeline", ["suite", pytest.param("run", marks=pytest.mark.slow)])
 def test_a_summary_has_the_weights_and_wrong_ones_are_refused_before_any_run(tmp_path, pipeline):
     outputs = {**BASE["outputs"], "plots": False, "mesh_error": False}
     suite = {"weights": {"r0": 2, "r[12]": 1}} | ({"parameters": MU} if pipeline == "suite" else {})

@@ -79,7 +79,7 @@ def central_differences(system: System, acc: np.ndarray, dt: float) -> np.ndarra
     return openings
 
 
-@pytest.mark.parametrize("ratio, high", [(0.05, 10.0), (0.07, 10.0), (0.1, 4.0), (0.02, 50.0)])
+@pytest.mark.parametrize("ratio, high", [pytest.param(0.05, 10.0, marks=pytest.mark.slow), pytest.param(0.07, 10.0, marks=pytest.mark.slow), pytest.param(0.1, 4.0, marks=pytest.mark.slow), (0.02, 50.0)])
 def test_openings_of_strongly_damped_blocks_are_those_of_the_mesh(ratio, high):
     """Two stiff blocks that pound each other; at 10 Hz and below most modes have a ratio above 0.7."""
     concrete = {"E": 30e9, "nu": 0.18, "rho": 2440.0}

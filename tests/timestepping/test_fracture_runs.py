@@ -63,7 +63,7 @@ def result_of(folder, **changes):
 
 
 @pytest.mark.parametrize(
-    ("size", "spacing"), [(1.0, None), (0.5, None), (0.25, None), (0.25, 0.5)], ids=["1", "2", "4", "of 4"]
+    ("size", "spacing"), [(1.0, None), pytest.param(0.5, None, marks=pytest.mark.slow), pytest.param(0.25, None, marks=pytest.mark.slow), (0.25, 0.5)], ids=["1", "2", "4", "of 4"]
 )
 def test_a_tower_pulled_off_takes_the_energy_of_its_whole_joint(tmp_path, size, spacing):
     """2 m2 of 200 N/m, from meshes of 6 to 45 gaps, within 1 %; stored energy goes into motion."""
@@ -109,7 +109,7 @@ def test_a_brittle_joint_pushed_over_cracks_in_every_step(tmp_path, softening, e
     assert np.abs(found.energy_residual.values).max() <= 1e-10 * np.abs(found.energy_input.values).max()
 
 
-@pytest.mark.parametrize("modes", [2, 15])
+@pytest.mark.parametrize("modes", [2, pytest.param(15, marks=pytest.mark.slow)])
 def test_the_statement_of_the_modes_holds_where_a_joint_cracks(tmp_path, modes):
     """Against all modes: 0.15 and 0.03 % of the openings are stated within a factor of two."""
     loud = {"plots": False, "error_estimate": True, "mesh_error": False, "output_interval": "2 ms"}
