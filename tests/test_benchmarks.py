@@ -16,7 +16,16 @@ from romdam.benchmarks.jobs import modes_of
 from romdam.benchmarks.table import shipped_rows
 from romdam.core.errors import ConfigError, ConvergenceError
 
-SLOW = {"pine-flat", "pine-flat-tests", "pacoima", "cracked-base", "ssnp142f", "two-cantilevers"}
+SLOW = {
+    "arch-model",
+    "bar-impact",
+    "pine-flat",
+    "pine-flat-tests",
+    "pacoima",
+    "cracked-base",
+    "ssnp142f",
+    "two-cantilevers",
+}
 # case: what the source of a number that is known to differ begins with
 KNOWN = {"ssnp142f": "GEFDYN", "pacoima": "Alves", "pine-flat-tests": "Rea"}
 SOUGHT = "westergaard"  # a case that takes no time

@@ -56,7 +56,11 @@ def test_a_run_states_what_its_steps_are_worth(folder, tmp_path):
     """Within a factor of two of what a sixteenth of the step changes; by `accuracy` where that is given."""
     raw, opening, stated = yaml.safe_load(SMALL), [], []
     raw["records"][0]["file"] = str(folder / "pulse.txt")
-    raw["outputs"] = raw.get("outputs", {}) | {"plots": False, "output_interval": 0.01}
+    raw["outputs"] = raw.get("outputs", {}) | {
+        "error_estimate": False,
+        "mesh_error": False,
+        "output_interval": 0.01,
+    }
     for transient in ({"finest_step": 2e-3}, {"finest_step": 1.25e-4}, {"accuracy": 0.01}):
         raw["transient"] = transient
         lone = romdam.run(raw, tmp_path / "out").results[0].dataset
@@ -73,7 +77,7 @@ def test_estimate_can_be_left_out_and_is_absent_where_it_means_nothing(folder, t
         raw = yaml.safe_load(SMALL) | sections
         raw["records"][0]["file"] = str(folder / "pulse.txt")
         raw["transient"] = {"finest_step": 1e-4, "duration": 0.05}
-        raw["outputs"] = {"plots": False} | sections.get("outputs", {})
+        raw["outputs"] = {"plots": False, "mesh_error": False} | sections.get("outputs", {})
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(raw))
         code, _, err = call("run", tmp_path / "job.yaml", "--out", tmp_path / "out")
         assert code == 0, err

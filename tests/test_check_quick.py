@@ -86,7 +86,7 @@ def test_all_parameters_that_cannot_be_varied_are_told(tmp_path):
         ({"gravity": [0, 0, 9.81]}, ["loads.gravity", "does not point down", "[0, 0, -9.81] makes weight"]),
     ],
 )
-@pytest.mark.parametrize("command", [romdam.check, romdam.run])
+@pytest.mark.parametrize("command", [romdam.check, pytest.param(romdam.run, marks=pytest.mark.slow)])
 def test_a_dam_that_does_not_rest_names_the_values_that_it_hardly_means(tmp_path, command, changes, says):
     """A joint of 50 Pa/m and a weight upwards: the remedy is not friction."""
     write_job(tmp_path, 1)

@@ -385,6 +385,7 @@ def test_lone_record_that_does_not_converge_ends_with_one(config, tmp_path, monk
     assert call("run", config, "--out", tmp_path / "o") == (1, "", "romdam: step 3 did not converge\n")
 
 
+@pytest.mark.slow
 def test_show_and_fields_draw_pictures_where_the_machine_can(config, tmp_path):
     pytest.importorskip("pyvista")
     code, out, err = call("show", config, "--out", tmp_path / "seen")
@@ -466,6 +467,7 @@ def test_what_is_unusual_is_said_by_check_and_by_run_and_kept(config, tmp_path):
     assert said in attrs["configuration_doubts"] and "cuts the record at 0.3 s" in attrs["run_warnings"]
 
 
+@pytest.mark.slow
 def test_damping_of_what_slides_is_said_by_check_and_by_run_and_kept(config, tmp_path, caplog):
     raw = yaml.safe_load(SMALL)
     raw["blocks"]["slab"] = {

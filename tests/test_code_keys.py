@@ -66,7 +66,9 @@ def digests_with(monkeypatch, name: str) -> dict[str, str]:
     return {kept: code_digest.__wrapped__(*modules) for kept, modules in KEPT.items()}
 
 
-@pytest.mark.parametrize("kept", KEPT)
+@pytest.mark.parametrize(
+    "kept", [pytest.param(kept, marks=[pytest.mark.slow] * (kept == "stress")) for kept in KEPT]
+)
 def test_a_line_in_any_module_that_computes_is_another_key(kept, monkeypatch):
     before = digests_with(monkeypatch, "")[kept]
     modules = reached(KEPT[kept])

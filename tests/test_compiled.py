@@ -51,7 +51,14 @@ def test_a_closed_installation_keeps_what_is_compiled_among_temporary_files(tmp_
     assert float(total) == 3.0 and hits == "1"
 
 
-@pytest.mark.parametrize("kind", [pytest.param("open to others", marks=pytest.mark.slow), "a link", pytest.param("a file", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param("open to others", marks=pytest.mark.slow),
+        "a link",
+        pytest.param("a file", marks=pytest.mark.slow),
+    ],
+)
 def test_a_planted_folder_is_not_used(tmp_path, kind):
     """What is cached is unpickled: whoever may write it may have anything run."""
     own = tmp_path / f"romdam-numba-{os.getuid()}"
@@ -69,6 +76,7 @@ def test_a_planted_folder_is_not_used(tmp_path, kind):
     assert not list((tmp_path / "elsewhere").iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "damage"),
     [
@@ -87,6 +95,7 @@ def test_damaged_compiled_functions_are_compiled_again(tmp_path, suffix, damage)
     assert probe(False, NUMBA_CACHE_DIR=str(tmp_path))[0][2] == "1", "and kept again"
 
 
+@pytest.mark.slow
 def test_compiled_functions_on_a_full_disk_are_not_kept(tmp_path):
     code = (
         "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
@@ -158,6 +167,7 @@ print(*rows.ravel(), *sorted(jit.CALLED))
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other",
     [
@@ -273,18 +283,21 @@ def hits_at_once(folder: Path, kinds: tuple[str, str], delay: float) -> list[str
     return hits
 
 
+@pytest.mark.slow
 def test_of_two_processes_that_need_the_same_one_compiles(tmp_path):
     """Workers of a suite or of these tests start together, and a time loop takes a minute."""
     assert sorted(hits_at_once(tmp_path, ("float64", "float64"), 0.0)) == ["0", "1"]
     assert not list((tmp_path / "cache").rglob("*.lock"))
 
 
+@pytest.mark.slow
 def test_two_processes_that_keep_at_once_lose_nothing(tmp_path):
     """Numba reads the index, adds to it and writes it: the later of two would forget the earlier."""
     assert hits_at_once(tmp_path, ("float64", "int64"), 0.5) == ["0", "0"]
     assert hits_at_once(tmp_path, ("float64", "int64"), 0.0) == ["1", "1"]
 
 
+@pytest.mark.slow
 def test_functions_of_laws_with_memory_are_read_from_the_cache(tmp_path):
     """Their globals have no file of their own: without a module's name numba read none and compiled again."""
     code = (

@@ -61,6 +61,7 @@ def test_what_differs_has_a_fingerprint_of_its_own():
     assert len({fingerprint(value) for value in values}) == len(values)
 
 
+@pytest.mark.slow
 def test_nastran_leaves_numpy_as_it_prints(tmp_path):
     """PyYeti sets numpy to print as version 1.13 did; who reads its files has not asked for that."""
     pytest.importorskip("pyyeti")

@@ -240,6 +240,7 @@ def test_workers_of_a_suite_that_keeps_peaks_load_nothing_that_writes_files():
     assert out.split() == []
 
 
+@pytest.mark.slow
 def test_main_job_from_records_to_figures_loads_what_it_needs(tmp_path):
     """Where dask is installed, pint and xarray load it, and it loads scipy.special."""
     rare = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.spatial")

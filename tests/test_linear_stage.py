@@ -397,6 +397,7 @@ def test_weight_stands_on_open_joints_where_it_is_staged(record, tmp_path):
     assert np.abs(whole.static_principal_stress.values - rest).max() > 0.05 * scale
 
 
+@pytest.mark.slow
 def test_stages_in_one_command_and_one_table(record, tmp_path):
     """Records of a job with `linear_stage`: files, the table of all three, and `romdam linear` the same."""
     raw = tower(record, linear_stage={"directions": "100-30-30"})
@@ -529,6 +530,7 @@ def test_job_without_the_section_has_the_defaults(record, tmp_path):
         romdam.run(tower(record, linear_stage={}))
 
 
+@pytest.mark.slow
 def test_arch_dam_with_water_and_three_components(record, tmp_path):
     """Mortar joints, temperature, incompressible water: modes are the mesh's, spectrum and history agree."""
     wet = [{"block": f"C{k}", "face": "upstream"} for k in (1, 2, 3, 4)]

@@ -161,6 +161,7 @@ def again(result: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_json_leaves_stdout_to_the_object_and_tells_the_rest_on_stderr(result):
     code, out, err = call_alone("certify", result, "--json", "--verbose")
     assert code == 0 and json.loads(out)["command"] == "certify"
@@ -285,6 +286,7 @@ def test_a_run_that_is_killed_leaves_its_log_so_far(config, tmp_path, number):  
     assert ended == (number == signal.SIGTERM)
 
 
+@pytest.mark.slow
 def test_bad_records_name_the_key_of_the_configuration(config):  # noqa: F811
     record = yaml.safe_load(SMALL)["records"][0]
     good = {**record, "name": "good"}

@@ -31,7 +31,7 @@ damping: {rayleigh: {frequencies: [5, 30], ratio: 0.05}}
 records: [{name: shake, file: northridge_mul009_g_dt0.01.txt, unit: 9.81 m/s2, dt: 0.01, components: {x: 1}}]
 model: {modes: 5}
 transient: {finest_step: 0.01, duration: 3}
-outputs: {plots: false}
+outputs: {plots: false, error_estimate: false, mesh_error: false}
 """
 SUITE = "pipeline: suite\nsuite: {scales: [0.5, 1]}\n"
 
@@ -59,6 +59,7 @@ def test_a_record_is_checked_and_run(folder):
     assert (folder / "results" / "shake.nc").exists()
 
 
+@pytest.mark.slow
 def test_a_suite_runs_in_one_process(folder):
     command(folder, "run", "suite.yaml", "--out", "suite", "--workers", "2")
     with xr.open_dataset(folder / "suite" / "summary.nc") as summary:

@@ -290,6 +290,7 @@ def arch_job():
     return Job(parse_config(raw, path.name), path)
 
 
+@pytest.mark.slow
 def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job, monkeypatch):
     """Its reduction, stress and estimate work on two cores; files beside it are named by content."""
     monkeypatch.setattr(threads, "BESIDE", 0)
@@ -306,7 +307,7 @@ def test_an_arch_dam_has_the_same_bits_on_one_thread_and_two(tmp_path, arch_job,
     assert one.attrs["error_estimate"] == two.attrs["error_estimate"]
 
 
-@pytest.mark.parametrize("least", [0, threads.BESIDE])
+@pytest.mark.parametrize("least", [0, pytest.param(threads.BESIDE, marks=pytest.mark.slow)])
 def test_what_is_written_beside_the_march_fails_as_before_it(tmp_path, quick_job, monkeypatch, least):
     """The error is that of the whole job, not of one record, also where the march has failed meanwhile."""
     monkeypatch.setattr(threads, "BESIDE", least)

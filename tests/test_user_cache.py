@@ -73,7 +73,7 @@ def test_a_check_fills_it_for_the_run(tmp_path, job, counted):
     assert counted == before != []
 
 
-@pytest.mark.parametrize("finer", [False, True])
+@pytest.mark.parametrize("finer", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("damage", ["cut", "changed", "empty", "text"])
 def test_damaged_blocks_are_refused_by_their_seal_and_made_again(
     tmp_path, job, counted, caplog, damage, finer

@@ -33,7 +33,7 @@ def write(folder, **comparison):
     time = np.arange(60) * 0.01
     np.savetxt(folder / "pulse.txt", 6.0 * np.sin(2 * np.pi * 5.0 * time) * np.exp(-2 * time))
     raw = yaml.safe_load(SMALL) | {"pipeline": "comparison"}
-    raw["outputs"] |= {"nodes": NODES, "plots": False, "error_estimate": False}
+    raw["outputs"] |= {"nodes": NODES, "plots": False, "error_estimate": False, "mesh_error": False}
     raw["comparison"] = {"variants": VARIANTS, "relative": {"tops": [*NODES]}} | comparison
     path = folder / "compared.yaml"
     path.write_text(yaml.safe_dump(raw, sort_keys=False))
@@ -117,6 +117,7 @@ def test_all_modes_are_the_full_order(dataset):
     assert float(apart) < 0.03
 
 
+@pytest.mark.slow
 def test_a_variant_that_fails_leaves_the_others(tmp_path, monkeypatch):
     from romdam.core.errors import ConvergenceError
     from romdam.pipelines.error import comparison

@@ -114,6 +114,7 @@ def test_known_fields_are_fields():
         assert known <= {one.name for one in fields(kind)}, kind
 
 
+@pytest.mark.slow
 def test_a_result_is_certified_and_a_job_exported_without_the_effect_only(tmp_path, monkeypatch):
     """The whole way, by the commands' functions: with the effect each refuses, and leaves no file."""
     np.savetxt(tmp_path / "r.txt", pulse(0))

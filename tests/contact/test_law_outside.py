@@ -85,7 +85,25 @@ def friction(path):
     return limit[3]
 
 
-@pytest.mark.parametrize("kind", ELSEWHERE)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(
+            kind,
+            marks=[pytest.mark.slow]
+            * (
+                kind
+                not in (
+                    "an array",
+                    "a plain function of the file",
+                    "a number of a module",
+                    "a compiled function that was imported",
+                )
+            ),
+        )
+        for kind in ELSEWHERE
+    ],
+)
 def test_what_stands_elsewhere_counts_as_it_is_now(folder, kind):
     head, value = ELSEWHERE[kind]
     found, digests = [], []
@@ -177,7 +195,16 @@ def failing(kind):
     )
 
 
-@pytest.mark.parametrize("kind", FAULTS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(
+            kind,
+            marks=[pytest.mark.slow] * (kind not in ("an index beyond the memory in limit", "NaN in commit")),
+        )
+        for kind in FAULTS
+    ],
+)
 def test_a_law_that_fails_ends_the_run(tmp_path, kind, monkeypatch):
     name, source = failing(kind)
     monkeypatch.setattr("romdam.contact.laws.catalogue.try_law", lambda *rest: None)

@@ -171,6 +171,7 @@ def test_a_function_that_does_not_compile_is_named(tmp_path):
         compiled([law])
 
 
+@pytest.mark.slow
 def test_workers_of_a_suite_know_a_users_law(tmp_path):
     path = written(tmp_path, KEYS)
     raw = yaml.safe_load(path.read_text())

@@ -527,6 +527,7 @@ def test_a_run_has_the_forces_says_what_is_slack_and_balances(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
     """Peaks of openings and of anchors' forces, within 1e-9 of the job with the values written in."""
     sections = {

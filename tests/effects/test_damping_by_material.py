@@ -292,7 +292,12 @@ def test_what_cannot_have_it_is_refused_by_the_key():
     [
         pytest.param((), "materials.rock.damping.beta", 1.5e-3, marks=pytest.mark.slow),
         pytest.param(("free field",), "materials.rock.damping.beta", 1.5e-3, marks=pytest.mark.slow),
-        pytest.param(("incompressible water", "anchors"), "materials.concrete.damping.ratio", 0.02, marks=pytest.mark.slow),
+        pytest.param(
+            ("incompressible water", "anchors"),
+            "materials.concrete.damping.ratio",
+            0.02,
+            marks=pytest.mark.slow,
+        ),
         (("moduli by duration", "viscous boundary"), "materials.*.damping.alpha", 1.1),
     ],
 )

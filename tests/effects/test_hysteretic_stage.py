@@ -270,10 +270,10 @@ def scenes(raw):
     "effects",
     [
         (),
-        ("masses", "anchors"),
+        pytest.param(("masses", "anchors"), marks=pytest.mark.slow),
         ("Westergaard's added mass", "moduli by duration"),
         ("incompressible water", "masses"),
-        ("temperature", "staged weight"),
+        pytest.param(("temperature", "staged weight"), marks=pytest.mark.slow),
         ("moduli by duration", "anchors", "grouting"),
     ],
     ids=", ".join,

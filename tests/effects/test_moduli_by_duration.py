@@ -360,7 +360,9 @@ HISTORIES = ("opening", "normal_force", "displacement", "section_force", "sectio
 
 
 @pytest.mark.parametrize("effects", [("grouting", "temperature"), ("water in joints",), ("staged weight",)])
-@pytest.mark.parametrize("model", [{"modes": "all"}, {"modes": 12}, {"order": "full"}])
+@pytest.mark.parametrize(
+    "model", [{"modes": "all"}, pytest.param({"modes": 12}, marks=pytest.mark.slow), {"order": "full"}]
+)
 def test_state_at_rest_is_that_of_a_job_with_the_sustained_moduli_alone(effects, model):
     """Jumps, forces, displacement, stress and sections of tied blocks of unlike ratios, with friction."""
     both, rest = (shaken(dam(two, *effects) | {"model": model}) for two in ("both", "rest"))

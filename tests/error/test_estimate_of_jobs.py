@@ -152,7 +152,9 @@ def test_a_block_that_slides_is_judged_by_twice_its_steps(monkeypatch, finest, l
     assert taken == pytest.approx([other], rel=0.12)  # a base step in three parts has no such parts
 
 
-@pytest.mark.parametrize("stiffness", [2e9, 2e10, 2e11])
+@pytest.mark.parametrize(
+    "stiffness", [2e9, pytest.param(2e10, marks=pytest.mark.slow), pytest.param(2e11, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_forces_that_change_without_a_cut_are_in_the_stated_error_of_the_steps(stiffness, friction):
     """Both runs of that estimate cut a step at one share of the change; fixed fine steps have none.

@@ -410,9 +410,10 @@ def test_siblings_of_a_dam_are_coarser_in_one_more_direction_each(tmp_path):
     assert coarser_by_direction(load_config(arch_job(tmp_path, {}, element="hex8"))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("own", "halved"),
-    [((3, 2, 8), (6, 4, 16)), pytest.param((3, 3, 9), (6, 6, 18), marks=pytest.mark.slow)],
+    [((3, 2, 8), (6, 4, 16)), ((3, 3, 9), (6, 6, 18))],
 )
 def test_what_a_dam_states_by_direction_is_within_a_factor_of_two_of_the_truth(own, halved, tmp_path):
     """Three cantilevers, the truth of elements of half the size; `romdam verify` states the same as the run.

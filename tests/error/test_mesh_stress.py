@@ -166,7 +166,9 @@ def result_of(tmp_path, raw, name):
     return xr.load_dataset(tmp_path / name / "pulse.nc", engine="h5netcdf")
 
 
-@pytest.mark.parametrize(("order", "size"), [("reduced", 2.5), ("full", 5.0)])
+@pytest.mark.parametrize(
+    ("order", "size"), [pytest.param("reduced", 2.5, marks=pytest.mark.slow), ("full", 5.0)]
+)
 def test_a_run_states_what_two_runs_say(tmp_path, order, size):
     """The ring of one element is as long in the run on half the size: 2.5 m, or 5 m at full order."""
     raw = small_job(tmp_path, size, order)

@@ -74,6 +74,7 @@ def test_no_displacement_is_certified_where_none_is_written(tmp_path):
         assert "strain energy by" in stated.sentence
 
 
+@pytest.mark.slow
 def test_the_command_tells_the_cost_first_and_the_interval(penalty):
     code, out, err = call("certify", penalty)
     assert code == 0, err

@@ -267,6 +267,7 @@ def test_a_dam_is_studied_finer_in_each_direction(tmp_path):
         studied_meshes(job_on(tmp_path, raw))
 
 
+@pytest.mark.slow
 def test_the_setting_that_a_total_accuracy_chooses_is_marked(tmp_path):
     """Its mesh is named as the choice names it, and its error is against the finer mesh."""
     raw = copy.deepcopy(raw_job(cutoffs=["300 Hz"], finest_steps=["1 ms"]))

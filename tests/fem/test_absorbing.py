@@ -57,7 +57,15 @@ def shaken(system, axis, dt=2.5e-4):
 
 
 @pytest.mark.parametrize("axis", ["x", "z"])
-@pytest.mark.parametrize("element", ["hex8", "hex20", "hex27", "tet10"])
+@pytest.mark.parametrize(
+    "element",
+    [
+        "hex8",
+        "hex20",
+        pytest.param("hex27", marks=pytest.mark.slow),
+        pytest.param("tet10", marks=pytest.mark.slow),
+    ],
+)
 def test_wave_leaves_through_the_base(element, axis):
     """At the top the outcrop's motion arrives H/c later, and nothing comes back: reflection below 1 %."""
     t, u, moved = shaken(assemble_full(column(element, axis), DampingConfig()), axis)

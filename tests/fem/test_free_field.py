@@ -93,7 +93,7 @@ def l2(values, reference):
     return np.linalg.norm(values - reference) / np.linalg.norm(reference)
 
 
-@pytest.mark.parametrize("damping", [DampingConfig(), DAMPED])
+@pytest.mark.parametrize("damping", [pytest.param(DampingConfig(), marks=pytest.mark.slow), DAMPED])
 @pytest.mark.parametrize(("element", "dt"), [("hex8", 0.01), ("hex8", 0.0025), ("hex20", 0.01)])
 @pytest.mark.parametrize("upper", ["hard", "soft"])
 def test_rock_alone_returns_the_record_at_its_surface(element, dt, damping, upper, northridge):
@@ -199,6 +199,7 @@ def test_column_of_two_damped_layers_is_the_closed_form(order):
     assert np.abs(moved - exact).max() < (3e-4 if order == 1 else 1e-6)
 
 
+@pytest.mark.slow
 def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(northridge):
     """Elements of 20 m bent by up to 3 m: no level of nodes is left but the top and the bottom."""
     raw = {"blocks": {"low": box([0, 0, 0], [80, 80, 80], "hard", "hex20")}}
@@ -221,7 +222,9 @@ def test_field_of_an_irregular_mesh_returns_the_record_within_one_per_cent(north
     assert abs(np.abs(total[:, 0]).max() / np.abs(record).max() - 1.0) < 0.01
 
 
-@pytest.mark.parametrize(("element", "limit"), [("tet10", 0.006), ("tet4", 0.04)])
+@pytest.mark.parametrize(
+    ("element", "limit"), [pytest.param("tet10", 0.006, marks=pytest.mark.slow), ("tet4", 0.04)]
+)
 def test_field_of_tetrahedra_returns_the_record(element, limit, northridge):
     """Their nodes do not carry the column's mass alike; elements of 20 m."""
     acc = resample(northridge, 0.01, 0.005)
@@ -308,7 +311,7 @@ MODULI = {
     ("dt", "beta", "step", "said"),
     [
         pytest.param(0.02, 0.7e-3, 0.625e-3, [], marks=pytest.mark.slow),
-        (0.02, 2e-3, 0.625e-3, []),
+        pytest.param(0.02, 2e-3, 0.625e-3, [], marks=pytest.mark.slow),
         pytest.param(0.01, 0.7e-3, 0.5e-3, ["left out", "differs"], marks=pytest.mark.slow),
         (0.01, 2e-3, 1.25e-3, ["left out", "differs"]),
     ],

@@ -184,7 +184,12 @@ def of_wave(acc, p, wave, axis, points, origin):
 
 @pytest.mark.parametrize(
     ("degrees", "wave", "azimuth", "element"),
-    [pytest.param(20, "s", 0.0, "hex8", marks=pytest.mark.slow), pytest.param(30, "s", 0.6, "hex8", marks=pytest.mark.slow), pytest.param(40, "p", 0.0, "hex8", marks=pytest.mark.slow), (25, "s", 0.0, "hex20")],
+    [
+        pytest.param(20, "s", 0.0, "hex8", marks=pytest.mark.slow),
+        pytest.param(30, "s", 0.6, "hex8", marks=pytest.mark.slow),
+        pytest.param(40, "p", 0.0, "hex8", marks=pytest.mark.slow),
+        (25, "s", 0.0, "hex20"),
+    ],
 )
 def test_box_of_rock_moves_as_the_half_space(degrees, wave, azimuth, element):
     """One SV or P wave by Aki and Richards: acceleration on the surface and below within 1 % of its peak."""

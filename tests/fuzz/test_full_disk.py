@@ -101,7 +101,7 @@ def one_message(outcome, where: str) -> int:
 def test_a_disk_that_fills_at_any_byte(small, disk, cases):
     taken = sum(path.stat().st_size for path in (small / "out").rglob("*") if path.is_file())
     expected, stopped = contents(small / "out"), 0
-    for case in range(cases(2, 50)):
+    for case in range(cases(1, 50)):
         size = 4096 * int(np.random.default_rng([1, case]).integers(2, taken // 4096 + 20))
         where, folder = f"case {case}, {size} of {taken} bytes", disk(size)
         code = one_message(bounded(lambda folder=folder: run(small, folder / "out"), SECONDS), where)
@@ -120,7 +120,7 @@ def test_files_that_may_not_grow_beyond_any_byte(small, tmp_path, cases):
     """As a quota does; the limit holds for every file alone."""
     largest = max(path.stat().st_size for path in (small / "out").rglob("*") if path.is_file())
     expected = contents(small / "out")
-    for case in range(cases(2, 50)):
+    for case in range(cases(1, 50)):
         most = int(np.random.default_rng([2, case]).integers(1, largest))
         where, out = f"case {case}, {most} of {largest} bytes", tmp_path / f"{case}"
         outcome = bounded(lambda out=out, most=most: limited(most, lambda: run(small, out)), SECONDS)

@@ -91,7 +91,7 @@ def judge(outcome, number):
 
 
 def test_mutated_configurations(folder, cases):
-    count = cases(16, 2000)
+    count = cases(8, 2000)
     wrong, valid, largest, longest = [], 0, 0, 0.0
     for number in range(count):
         path = written(folder, mutated(number))

@@ -30,7 +30,7 @@ def damaged(data, rng):
 
 def test_files_changed_at_random(cases, tmp_path):
     names, wrong, refused = list(WRITERS), [], 0
-    for seed in range(number := cases(40, 2000)):
+    for seed in range(number := cases(16, 2000)):
         rng = np.random.default_rng(seed)
         folder = tmp_path / str(seed)
         folder.mkdir()

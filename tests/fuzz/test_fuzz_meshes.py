@@ -207,7 +207,7 @@ def verdict(outcome, right, ending, kind):
 
 def test_files_changed_at_random(cases, tmp_path):
     """Right, said or refused; what is gone shows in sets, nodes or numbers."""
-    number = cases(60, 3000)
+    number = cases(24, 3000)
     wrong, ends = [], {"refused": 0, "read": 0, "said": 0}
     rights = {}
     for seed in range(number):

@@ -208,7 +208,7 @@ def test_a_ring_breathes_at_the_closed_forms_frequency(make, element):
     assert errors[-1] < 1e-5
 
 
-@pytest.mark.parametrize("element", ["hex20", "tet10"])
+@pytest.mark.parametrize("element", ["hex20", pytest.param("tet10", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("joint", "gaps"), [("corners", 9), ("nodes", 21), ("mortar", 9), ("spacing", 0)])
 def test_joint_areas_follow_the_curve_of_the_crown(make, element, joint, gaps):
     """Gaps share the area between the crown's curved faces: Simpson's rule is exact for a cubic."""
@@ -326,7 +326,17 @@ def soundness(block):
     return determinant.min(axis=1) / determinant.max(axis=1), length.max(axis=1) / length.min(axis=1)
 
 
-@pytest.mark.parametrize("case", SPOILED)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(
+            case,
+            marks=[pytest.mark.slow]
+            * (case in ("refined", "200 up, tetrahedra", "crown of 0.3 m", "rock that grows fast")),
+        )
+        for case in SPOILED
+    ],
+)
 def test_divisions_that_spoil_elements_are_refused_with_ones_that_do_not(make, case):
     raw, message = SPOILED[case]
     with pytest.raises(ConfigError, match=re.escape(message)) as refused:

@@ -78,7 +78,16 @@ BY_GMSH = [
 ]
 
 
-@pytest.mark.parametrize(("element", "ending"), BY_GMSH)
+MED = ("hex20", "tet10", "wedge6", "mixed8")  # by default; a file of MED takes longer than all others
+
+
+@pytest.mark.parametrize(
+    ("element", "ending"),
+    [
+        pytest.param(name, ending, marks=[pytest.mark.slow] * (ending == ".med" and name not in MED))
+        for name, ending in BY_GMSH
+    ],
+)
 def test_files_written_by_gmsh(element, ending):
     numbers = {"lower": 11, "upper": 12}
     for name, volume in VOLUMES.items():

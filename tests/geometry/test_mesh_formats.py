@@ -90,7 +90,14 @@ def check(path, name):
 
 
 @pytest.mark.parametrize("ending", [".cdb", ".med"])
-@pytest.mark.parametrize("name", [name for name in EVERY if name != "hex27"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("hex20", "tet10", "wedge6", "mixed8")))
+        for name in EVERY
+        if name != "hex27"
+    ],
+)
 def test_files_written_by_meshlane(name, ending, tmp_path):
     points, cells, groups = theirs(name)
     sets = {
@@ -165,7 +172,13 @@ def test_mail_of_code_aster(name, tmp_path):
     check(tmp_path / "m.mail", name)
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("hex20", "tet10", "wedge15")))
+        for name in EVERY
+    ],
+)
 def test_med_of_the_other_byte_order_is_the_same(name, tmp_path):
     """HDF5 tells the order of bytes; what is read has this machine's."""
     shutil.copy(DATA / f"{name}.med", tmp_path / "m.med")
@@ -196,7 +209,13 @@ def test_med_elements_that_are_inside_out_are_turned(tmp_path):
 
 
 @pytest.mark.parametrize("facets", ["apart", "families apart"])
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name not in ("hex20", "tet10", "wedge6", "pyramid5")))
+        for name in EVERY
+    ],
+)
 def test_med_of_version_2(name, facets, tmp_path):
     """It has no time steps, its families in the mesh, facets apart, and the dimension of space as DIM.
 
@@ -229,6 +248,7 @@ def test_med_of_several_meshes_one_of_which_is_of_space(tmp_path):
     assert "of its 2 meshes 'hex8' is read" in remarks_of("m.med", tmp_path)
 
 
+@pytest.mark.slow
 def test_med_of_several_meshes_one_of_which_has_solids(tmp_path):
     """The others may be of an interface, in x, y and z, of facets alone."""
     shutil.copy(DATA / "hex8.med", tmp_path / "m.med")

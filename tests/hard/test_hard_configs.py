@@ -100,7 +100,14 @@ def test_a_record_too_short_is_refused_before_anything_is_built(name, tmp_path):
     assert not list(tmp_path.rglob("*.nc"))
 
 
-@pytest.mark.parametrize("name", ["chattering", "friction_2", "undamped_rigid"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "chattering",
+        pytest.param("friction_2", marks=pytest.mark.slow),
+        pytest.param("undamped_rigid", marks=pytest.mark.slow),
+    ],
+)
 def test_the_command_writes_finite_results(name, tmp_path):
     paths = run(romdam.load_config(FOLDER / f"{name}.yaml"), tmp_path).paths
     with romdam.open_result(paths[0]) as opened:

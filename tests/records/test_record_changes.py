@@ -160,7 +160,7 @@ def held_against_the_raw(step, offset):
     return silent, refused, said
 
 
-@pytest.mark.parametrize("offset", [0.0, 0.05])
+@pytest.mark.parametrize("offset", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_no_measure_of_peer_records_changes_in_silence(offset):
     """Of every sixth record, as in the set and with an offset of 0.05 g."""
     silent, refused, said = held_against_the_raw(6, offset)

@@ -67,6 +67,7 @@ def marched(built, motion, choice, damping):
     return opening, [opening[:, own].max() for own in model.system.law.joints.values()], stress
 
 
+@pytest.mark.slow
 def test_error_of_the_cutoff_alone():
     """Against all modes at the same steps: what is left out of the basis is the whole difference."""
     asked = job()

@@ -97,6 +97,7 @@ def test_a_summary_names_what_is_far_too_low():
     assert "below a third, scene 0: mesh opening l2" in lines
 
 
+@pytest.mark.slow
 def test_the_openings_of_a_small_scene_are_judged():
     """Two walls one element thick, 1 s of a pulse; its truth is that of the mesh's own matrices."""
     raw = _two_walls()

@@ -455,7 +455,7 @@ def write_record(folder):
     np.savetxt(folder / "pulse.txt", 6.0 * acc / np.abs(acc).max())
 
 
-LONG = ("a suite", "a sequence")
+LONG = ("without friction", "a suite", "a sequence", "written coarsely, in US units")
 
 
 @pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.slow] * (k in LONG)) for k in jobs()])

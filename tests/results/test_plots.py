@@ -30,7 +30,9 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("kind", CASES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "full order")) for kind in CASES]
+)
 def test_figures_are_written_for_what_there_is(kind, job, timing, tmp_path):
     ds = build_dataset(make_case(**CASES[kind]), job, timing, None)
     paths = write_plots(ds, tmp_path, "quake")

@@ -209,6 +209,7 @@ def test_commands_that_the_report_names_do_what_it_says(config, tmp_path):  # no
         assert "steps" in opening_errors(dataset.attrs)
 
 
+@pytest.mark.slow
 def test_a_run_of_full_order_names_what_halves_its_step(config, tmp_path):  # noqa: F811
     def full(keys):
         without_estimates(keys)
@@ -223,6 +224,7 @@ def test_a_run_of_full_order_names_what_halves_its_step(config, tmp_path):  # no
     assert call("compare", tmp_path / "r" / "pulse.nc", tmp_path / "half" / "pulse.nc")[0] == 0
 
 
+@pytest.mark.slow
 def test_a_job_without_joints_names_no_command_that_would_be_refused(config, tmp_path):  # noqa: F811
     def tied(keys):
         del keys["joints"]
@@ -427,6 +429,7 @@ def test_the_command_writes_page_and_pdf_and_refuses_what_is_no_result(config, t
     assert (code, out) == (2, "") and "is for the result of one run" in err
 
 
+@pytest.mark.slow
 def test_a_suite_beside_the_result_tells_the_scatter(config, tmp_path):  # noqa: F811
     keys = yaml.safe_load(config.read_text())
     keys["records"].append(keys["records"][0] | {"name": "half", "scale": 0.5})

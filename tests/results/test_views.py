@@ -103,6 +103,7 @@ def test_scene_without_water_has_no_water_line(drawable, tmp_path, monkeypatch):
     assert near(path, (31, 111, 235), 25) < 10
 
 
+@pytest.mark.slow
 def test_plot_makes_figures_fields_series_and_animation(drawable, result, tmp_path, monkeypatch):
     monkeypatch.setattr(rendering, "SIZE", (240, 200))
     monkeypatch.setattr(field_views, "_FRAME_SIZE", (160, 120))

@@ -32,7 +32,7 @@ def passing(dataset, check, path, step=1):
             yield name, what, edited
 
 
-@pytest.mark.parametrize("step", [7, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [20, pytest.param(1, marks=pytest.mark.slow)])
 def test_an_edited_result_is_refused_by_name_or_read(step, case, job, timing):
     """The synthetic case has every kind of variable."""
     dataset = build_dataset(case, job, timing, "model-a.h5")

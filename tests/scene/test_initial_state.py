@@ -122,7 +122,17 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(
+            case,
+            marks=[pytest.mark.slow]
+            * (case in ("generalised alpha", "bond with water in the crack", "full order", "redrawn uplift")),
+        )
+        for case in CASES
+    ],
+)
 def test_both_records_as_one(tmp_path, case):
     """The second record begins where the first ended, as where both are one record."""
     configuration, first, second = CASES[case]
@@ -136,6 +146,7 @@ def test_both_records_as_one(tmp_path, case):
     assert begun.attrs["scene_sha256"] != main.attrs["scene_sha256"]
 
 
+@pytest.mark.slow
 def test_a_chain_of_three_and_several_records(tmp_path):
     """The third record begins with a state that itself began with one; two records begin with the same."""
     parts = [pulses(9.0, 2, 1.2), pulses(-6.0, 2, 1.2), pulses(5.0, 2, 1.0)]
@@ -163,7 +174,7 @@ AT_REST = {
 }
 
 
-@pytest.mark.parametrize("take", ["all", "joints"])
+@pytest.mark.parametrize("take", [pytest.param("all", marks=pytest.mark.slow), "joints"])
 @pytest.mark.parametrize("case", AT_REST)
 def test_a_state_at_rest_stays_at_rest(tmp_path, case, take):
     """After a slide, without further shaking, slip and forces stay what they were, gap by gap."""
@@ -188,6 +199,7 @@ def test_a_state_at_rest_stays_at_rest(tmp_path, case, take):
         assert now == left == (pytest.approx(4.0) if case == "shear key" else 0.0)
 
 
+@pytest.mark.slow
 def test_lost_bonds_stay_lost_under_other_strength(tmp_path):
     """A lost bond does not hold in a job of less friction either: its slips are those of no bond at all."""
     shaken, second = np.pad(pulses(9.0, 2, 1.0), ((0, 0), (0, 2500))), pulses(-4.0, 2, 1.2)
@@ -204,6 +216,7 @@ def test_lost_bonds_stay_lost_under_other_strength(tmp_path):
     assert float(abs(begun - (bare["slip"] - bare["slip"].isel(time=0))).max()) < locked < 0.15 * 5e-3
 
 
+@pytest.mark.slow
 def test_uplift_follows_the_crack_that_an_earthquake_left(tmp_path):
     """Without its bonds the heel opens at rest, and the uplift is that of the crack, as of no bond at all."""
     shaken, still = np.pad(pulses(6.0, 2, 1.0), ((0, 0), (0, 2500))), motion("b", pulses(0.0, 0, 0.2))
@@ -228,7 +241,7 @@ def test_a_block_that_slid_far_is_found_where_it_is(tmp_path):
     assert float(abs(rest["slip"].isel(tangent=0) - slid).max()) < 1e-5  # of springs that give
 
 
-@pytest.mark.parametrize("still", [0, 2500])
+@pytest.mark.parametrize("still", [pytest.param(0, marks=pytest.mark.slow), 2500])
 def test_estimates_of_a_run_that_goes_on(tmp_path, still):
     """The error of modes is stated as it is, from rest and in the midst of motion."""
     shaken, second = np.pad(pulses(9.0, 2, 1.0), ((0, 0), (0, still))), pulses(-6.0, 2, 1.2)

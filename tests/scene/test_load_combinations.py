@@ -156,6 +156,7 @@ def test_the_error_that_a_result_states_is_told(tmp_path: Path):
     ]
 
 
+@pytest.mark.slow
 def test_two_moduli_rest_after_the_earthquake_by_the_sustained_one(folder: Path):
     """The factors of a state at rest do not depend on E, and its joints remember the shaking."""
     raw = job(combinations={name: COMBINATIONS[name] for name in ("usual", "earthquake", "after")})
@@ -234,6 +235,7 @@ def test_margins_in_an_earthquake_are_of_the_joints_asked_for_and_of_the_largest
     assert [one.of for one in of_base] == ["base", "base"]
 
 
+@pytest.mark.slow
 def test_the_command_ends_with_1_where_a_margin_is_not_met(folder: Path):
     (folder / "strict.yaml").write_text(
         yaml.safe_dump(job(combinations={"usual": {"required_factor": 9.0}, "low": {"required_factor": 1.0}}))

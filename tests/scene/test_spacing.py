@@ -348,7 +348,9 @@ def test_auto_takes_what_the_accuracy_allows_and_the_result_says_it(tmp_path, ca
     assert "which change the openings by about" in caplog.text
 
 
-@pytest.mark.parametrize("integrator", ["adaptive", "generalized_alpha"])
+@pytest.mark.parametrize(
+    "integrator", ["adaptive", pytest.param("generalized_alpha", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("keys", [{"spacing": 3.0}, {"element": "hex20", "gaps": "corners"}], ids=str)
 def test_a_joint_that_has_just_been_grouted_is_closed_wherever_it_is_looked_at(make, keys, integrator):
     """At rest every gap carries p A, and its opening is -p / K_n, also at its very position."""

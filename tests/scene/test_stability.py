@@ -235,6 +235,7 @@ def test_pressure_at_the_toe_beyond_the_kern_is_that_of_a_triangle():
     assert np.isnan(_toe_pressure(1.0, 1.1))
 
 
+@pytest.mark.slow
 def test_a_job_with_a_linear_stage_and_runs_of_a_suite_are_judged(tmp_path):
     """The linear stage ties joints, and is left out; a sample has its own friction, here 0.5 of 0.3."""
     np.savetxt(tmp_path / "r.txt", 0.01 * np.sin(np.linspace(0.0, 12.0, 40)))

@@ -78,6 +78,7 @@ def test_check_lists_where_the_bodies_are(tmp_path):
     assert "all.1-all.2" in out
 
 
+@pytest.mark.slow
 def test_a_suite_varies_the_joints_that_are_found(tmp_path):
     """All by joints.touching, one by its name; the run of a value is that of a job with the value."""
     reduced = {"order": "reduced", "modes": "all"}
@@ -97,6 +98,7 @@ def test_a_suite_varies_the_joints_that_are_found(tmp_path):
         romdam.load_config(raw)
 
 
+@pytest.mark.slow
 def test_variants_of_a_comparison_change_the_joints_that_are_found(tmp_path):
     variants = {"stiff": {}, "soft": {"joints.touching.normal_stiffness": "2 GPa/m"}, "one": {
         "joints": {"j": LAW | {"between": ["all.1", "all.2"]}}}}  # fmt: skip

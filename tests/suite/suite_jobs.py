@@ -43,6 +43,7 @@ BASE: dict[str, Any] = {
     "outputs": {
         "output_interval": "0.02 s",
         "error_estimate": False,
+        "mesh_error": False,
         "nodes": {"top": {"block": "right", "at": [0, 0, 20]}},
     },
     "pipeline": "suite",

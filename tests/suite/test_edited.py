@@ -158,7 +158,15 @@ def whole_suite(tmp_path_factory):
     return config, (folder / "out" / JOURNAL).read_bytes(), found.summary
 
 
-@pytest.mark.parametrize("batch", [1, 2, 3, 7])
+@pytest.mark.parametrize(
+    "batch",
+    [
+        pytest.param(1, marks=pytest.mark.slow),
+        pytest.param(2, marks=pytest.mark.slow),
+        3,
+        pytest.param(7, marks=pytest.mark.slow),
+    ],
+)
 def test_whom_a_run_marches_with_does_not_change_its_bits(tmp_path, batch):
     """Records of one and of two axes, samples with and without friction."""
     parameters = {"mu": MU["mu"] | {"values": [0.0, 0.4]},

@@ -73,6 +73,7 @@ def test_a_worker_whose_suite_was_killed_writes_nothing_more(tmp_path, monkeypat
     assert not list((tmp_path / "out" / "runs").glob("*.nc"))
 
 
+@pytest.mark.slow
 def test_workers_of_a_suite_that_lives_write_what_is_kept(tmp_path):
     job = romdam.load_config(write_job(tmp_path, records=2, suite={"keep": "full", "batch": 1}))
     assert run_suite(job, tmp_path / "out", SuiteOptions(workers=2)).made == 2

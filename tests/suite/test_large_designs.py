@@ -144,6 +144,7 @@ def test_memory_of_the_drawing_is_as_estimated(design, tmp_path):
     assert 0.25 < peak / (designs._COPIES * 8.0 * samples * len(RANGES)) < 1.0
 
 
+@pytest.mark.slow
 def test_disk_and_time_of_a_suite_are_those_of_its_rows(tmp_path):
     """By the difference of two suites, so that what does not grow with the runs is out of it."""
     disk, runs = [], (20, 80)

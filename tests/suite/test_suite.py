@@ -140,6 +140,7 @@ def test_second_call_makes_nothing_and_reduces_nothing(whole, monkeypatch):
     assert again.made == 0 and differing(before, summary(outcome.path.parent)) == []
 
 
+@pytest.mark.slow
 def test_only_what_is_stale_is_made_again(whole, tmp_path):
     config, _ = whole
     job = write_job(tmp_path, suite=SAMPLES | {"batch": 2})
@@ -220,6 +221,7 @@ def test_kill_9_costs_at_most_the_runs_in_flight(tmp_path, times, batch):
     assert differing(undisturbed.summary, resumed.summary) == []
 
 
+@pytest.mark.slow
 def test_bad_records_are_named_and_the_others_go_on(tmp_path):
     job = write_job(tmp_path)
     for name, text in (("nan", "1\nnan\n2\n"), ("empty", ""), ("unit", "900\n-980\n" * 30)):
@@ -295,6 +297,7 @@ def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypat
     assert made(write_job(tmp_path), tmp_path / "out").failures == {"r1__0__0": "MemoryError: too much"}
 
 
+@pytest.mark.slow
 def test_whole_results_land_and_open_as_one_tree(tmp_path):
     job = write_job(tmp_path, suite={"keep": "full", "scales": [1.0, 2.0]})
     outcome = made(job, tmp_path / "out")

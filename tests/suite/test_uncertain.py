@@ -87,12 +87,17 @@ BOTH = {"E": ("materials.concrete.E", ["3e6 psi"]), "rho": ("materials.concrete.
         (BOTH, RUBS | HEAVY | TWO | water("westergaard")),
         (BOTH, {"joints": {"gap": {**RUBS["joints"]["gap"], "normal_stiffness": "auto",
                                    "shear_stiffness": "auto"}}} | HEAVY),
-        (E | RHO, HEAVY | TWO | water("incompressible")),
+        pytest.param(E | RHO, HEAVY | TWO | water("incompressible"), marks=pytest.mark.slow),
         (BOTH, RUBS | HEAVY | water("compressible")),
-        (BOTH, {"damping": {"modal": "5 %"}, "model": {"modes": "all"}} | RUBS),
-        (BOTH, {"damping": {"rayleigh": {"alpha": 0.6, "beta": 4e-4}}} | RUBS | HEAVY),
-        ({"E": ("materials.rock.E", ["10 GPa"]), "rho": ("materials.concrete.rho", [2000])}, TWO | RUBS),
-        (COOL, RUBS | EXPANDS | {"loads": {"gravity": [0, 0, -9.81], "temperature": [{"change": 0}]}}),
+        pytest.param(BOTH, {"damping": {"modal": "5 %"}, "model": {"modes": "all"}} | RUBS,
+                     marks=pytest.mark.slow),
+        pytest.param(BOTH, {"damping": {"rayleigh": {"alpha": 0.6, "beta": 4e-4}}} | RUBS | HEAVY,
+                     marks=pytest.mark.slow),
+        pytest.param({"E": ("materials.rock.E", ["10 GPa"]), "rho": ("materials.concrete.rho", [2000])},
+                     TWO | RUBS, marks=pytest.mark.slow),
+        pytest.param(COOL, RUBS | EXPANDS
+                     | {"loads": {"gravity": [0, 0, -9.81], "temperature": [{"change": 0}]}},
+                     marks=pytest.mark.slow),
         (
             BOTH | {"dT": (["loads.temperature.0.change"], ["14 degF"])},
             RUBS
@@ -131,7 +136,7 @@ def test_materials_vary_beside_supports_of_their_own_motion(tmp_path, monkeypatc
     assert np.abs(suite - jobs).max() <= 1e-9 * np.abs(jobs).max()
 
 
-@pytest.mark.parametrize("model", ["westergaard", "incompressible"])
+@pytest.mark.parametrize("model", ["westergaard", pytest.param("incompressible", marks=pytest.mark.slow)])
 def test_levels_give_the_numbers_of_a_job_but_for_its_basis(model, tmp_path):
     """The suite's basis answers the loads at its lowest and highest level, that of a job those at its own."""
     path = ["water.level", "loads.hydrostatic.0.level"]
@@ -255,6 +260,7 @@ def test_moments_of_the_peak_of_an_oscillator_are_the_closed_form(tmp_path):
     assert np.ptp(ratio) < 1e-3 * ratio.mean()
 
 
+@pytest.mark.slow
 def test_samples_go_on_where_a_suite_stopped_and_stand_in_the_summary(tmp_path):
     path = ["water.level", "loads.hydrostatic.0.level"]
     parameters = {

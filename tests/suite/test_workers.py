@@ -125,7 +125,14 @@ def seconds_until_gone(family: list[int]) -> float:
     return time.perf_counter() - began
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGKILL,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
+)
 def test_workers_end_at_once_with_their_parent(busy_family, number):
     process, family = busy_family
     process.send_signal(number)

@@ -24,7 +24,7 @@ def shaking(dt):
     return ground(np.interp(np.arange(round(3.0 / dt) + 1) * dt, corners, burst))
 
 
-@pytest.mark.parametrize("tension", [0.0, 0.25, 0.9])
+@pytest.mark.parametrize("tension", [0.0, 0.25, pytest.param(0.9, marks=pytest.mark.slow)])
 def test_springs_of_a_joint_that_stays_closed_are_within_the_stated_error(tension):
     """A mass of 1 Hz held shut on a spring of 12 Hz: 0.0 was stated for 2 to 8 %."""
     spring = (2.0 * np.pi * 12.0) ** 2

@@ -59,7 +59,15 @@ def slip_of_two_unknowns(acc: Floats, omega: float, xi: float, limit: float) -> 
     return np.array(made)
 
 
-@pytest.mark.parametrize(("period", "mu"), [(0.15, 0.3), pytest.param(0.3, 0.5, marks=pytest.mark.slow), pytest.param(0.3, 0.8, marks=pytest.mark.slow), pytest.param(0.5, 0.5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("period", "mu"),
+    [
+        (0.15, 0.3),
+        pytest.param(0.3, 0.5, marks=pytest.mark.slow),
+        pytest.param(0.3, 0.8, marks=pytest.mark.slow),
+        pytest.param(0.5, 0.5, marks=pytest.mark.slow),
+    ],
+)
 def test_a_flexible_dam_slides_as_its_two_equations_have_it(period, mu):
     omega, xi, factor = 2.0 * np.pi / period, 0.05, 2.0 * G
     record = factor * np.loadtxt(RECORD).ravel()[:1200]

@@ -45,7 +45,9 @@ def results(motion, modes, integrator, **sections):
     return romdam.run(job, motions=GroundMotion("slow", motion, DT, {}, ())).results[0].dataset
 
 
-@pytest.mark.parametrize("modes", [6, 20, 60])
+@pytest.mark.parametrize(
+    "modes", [pytest.param(6, marks=pytest.mark.slow), 20, pytest.param(60, marks=pytest.mark.slow)]
+)
 def test_the_foot_bears_the_inertia_of_the_whole_wall(modes):
     """The ground's acceleration rises to 1 m/s2 and stays: V is the mass, and 7/12 rho d^2 b of the water."""
     motion = np.zeros((3, len(TIME)))
@@ -79,7 +81,15 @@ def central_differences(system: System, acc: np.ndarray, dt: float) -> np.ndarra
     return openings
 
 
-@pytest.mark.parametrize("ratio, high", [pytest.param(0.05, 10.0, marks=pytest.mark.slow), pytest.param(0.07, 10.0, marks=pytest.mark.slow), pytest.param(0.1, 4.0, marks=pytest.mark.slow), (0.02, 50.0)])
+@pytest.mark.parametrize(
+    "ratio, high",
+    [
+        pytest.param(0.05, 10.0, marks=pytest.mark.slow),
+        pytest.param(0.07, 10.0, marks=pytest.mark.slow),
+        pytest.param(0.1, 4.0, marks=pytest.mark.slow),
+        (0.02, 50.0),
+    ],
+)
 def test_openings_of_strongly_damped_blocks_are_those_of_the_mesh(ratio, high):
     """Two stiff blocks that pound each other; at 10 Hz and below most modes have a ratio above 0.7."""
     concrete = {"E": 30e9, "nu": 0.18, "rho": 2440.0}

@@ -31,7 +31,10 @@ def _shaking(dt, seconds=4.0):
 LAWS = [{"K_n": 1e6}, {"K_n": np.inf}, {"K_n": 1e5, "K_nz": 2e4}]
 
 
-@pytest.mark.parametrize("rho_inf", [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize(
+    "rho_inf",
+    [pytest.param(0.0, marks=pytest.mark.slow), 0.5, pytest.param(0.9, marks=pytest.mark.slow), 1.0],
+)
 @pytest.mark.parametrize("law", LAWS, ids=["penalty", "rigid", "tension"])
 @pytest.mark.parametrize("reduced", [False, True])
 def test_generalized_alpha_closes_its_ledger(rho_inf, law, reduced):

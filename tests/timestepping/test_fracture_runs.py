@@ -63,7 +63,14 @@ def result_of(folder, **changes):
 
 
 @pytest.mark.parametrize(
-    ("size", "spacing"), [(1.0, None), pytest.param(0.5, None, marks=pytest.mark.slow), pytest.param(0.25, None, marks=pytest.mark.slow), (0.25, 0.5)], ids=["1", "2", "4", "of 4"]
+    ("size", "spacing"),
+    [
+        (1.0, None),
+        pytest.param(0.5, None, marks=pytest.mark.slow),
+        pytest.param(0.25, None, marks=pytest.mark.slow),
+        (0.25, 0.5),
+    ],
+    ids=["1", "2", "4", "of 4"],
 )
 def test_a_tower_pulled_off_takes_the_energy_of_its_whole_joint(tmp_path, size, spacing):
     """2 m2 of 200 N/m, from meshes of 6 to 45 gaps, within 1 %; stored energy goes into motion."""
@@ -93,9 +100,9 @@ def test_load_against_crack_opening_converges_with_the_mesh(tmp_path):
     ("softening", "energy", "peak", "finest_step"),
     [
         ("linear", 40.0, 40.0, "0.1 ms"),
-        ("exponential", 40.0, 40.0, "0.1 ms"),
+        pytest.param("exponential", 40.0, 40.0, "0.1 ms", marks=pytest.mark.slow),
         # the last two gaps crack in turn unless what closes a crack is all that the other answers
-        ("exponential", 82.04727492633185, 42.659189063528366, "0.1 ms"),
+        pytest.param("exponential", 82.04727492633185, 42.659189063528366, "0.1 ms", marks=pytest.mark.slow),
         ("exponential", 51.354182238751406, 25.412790893987705, "0.5 ms"),
     ],
 )
@@ -142,6 +149,7 @@ def test_a_second_run_goes_on_with_what_the_first_one_left_of_the_bond(tmp_path)
         assert float(after.dissipated_energy[-1].sum()) + spent == pytest.approx(G * AREA, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_suite_varies_energies_and_strengths_and_no_words(tmp_path):
     key = {"path": "joints.lift.fracture.energy", "values": ["100 N/m", "300 N/m"]}
     suite = {"parameters": {"G": key}}

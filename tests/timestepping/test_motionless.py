@@ -12,7 +12,7 @@ from romdam.timestepping.step_control import jump_differences
 
 @pytest.mark.parametrize("model", [{"order": "full"}, {"modes": 10}])
 @pytest.mark.parametrize("friction", [0.0, 0.8])
-@pytest.mark.parametrize("element", ["hex8", "hex20"])
+@pytest.mark.parametrize("element", ["hex8", pytest.param("hex20", marks=pytest.mark.slow)])
 def test_a_block_at_rest_on_a_joint_raises_no_alarm(model, friction, element):
     def block(low, high):
         box = {"origin": [0, 0, low], "size": [4, 4, high - low], "element_size": 2, "element": element}

@@ -145,7 +145,7 @@ SCENES = [
     "grouting", "uplift, static friction", "redrawn", "redrawn, spacing", "bonds, uplift", "keys, gaps",
     "weakening, uplift", "stages, uplift, spacing", "redrawn, softening, rough",
 ]  # fmt: skip
-QUICK = {"friction", "softening", "stages"}
+QUICK = {"softening"}
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,10 @@ def compare(folder, turn, laws, *, slides=False, transient=None, rows=None):
     return straight, turned
 
 
-@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("bond", "friction"))) for name in LAWS],
+)
 def test_a_turned_model_moves_as_before(tmp_path, name):
     """About the vertical the axes of the joints turn with it, so components are equal, too."""
     straight, turned = compare(tmp_path, Rotation.from_rotvec(UPRIGHT).as_matrix(), LAWS[name])
@@ -116,7 +119,7 @@ def test_a_turned_model_moves_as_before(tmp_path, name):
         assert np.abs(one - other).max() <= round_off(variable) * np.abs(one).max(), variable
 
 
-@pytest.mark.parametrize("name", ["friction", "static"])
+@pytest.mark.parametrize("name", ["friction", pytest.param("static", marks=pytest.mark.slow)])
 def test_no_choice_of_axes_in_the_joints_changes_a_run(tmp_path, name):
     """Turned about a skew axis j and k are others within the joint, and one mirrored has them left-handed."""
     turn = Rotation.from_rotvec(SKEW).as_matrix()

@@ -50,7 +50,14 @@ def shaken(keys, peak=2.5):
     return run(keys, motions=motion).results[0].dataset
 
 
-@pytest.mark.parametrize(("integrator", "order"), [(None, "reduced"), ("modal", "reduced"), (None, "full")])
+@pytest.mark.parametrize(
+    ("integrator", "order"),
+    [
+        (None, "reduced"),
+        pytest.param("modal", "reduced", marks=pytest.mark.slow),
+        pytest.param(None, "full", marks=pytest.mark.slow),
+    ],
+)
 def test_what_opens_later_has_what_was_asked_for(integrator, order):
     results = {
         earthquake: shaken(job({"earthquake": earthquake}, integrator, order))
@@ -131,6 +138,7 @@ def written(keys, folder):
     return load_config(folder / "dam.yaml")
 
 
+@pytest.mark.slow
 def test_samples_of_a_suite_have_the_cracks_of_lone_runs(tmp_path):
     """A bond that holds leaves no crack, and the next sample of the same model has its own."""
     bond = {"cohesion": "100 kPa", "tensile_strength": "1 kPa"}
