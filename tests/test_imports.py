@@ -233,6 +233,7 @@ def test_run_loads_no_library_that_few_scenes_need():
     assert out.split() == []
 
 
+@pytest.mark.slow
 def test_workers_of_a_suite_that_keeps_peaks_load_nothing_that_writes_files():
     heavy = ("xarray", "pandas", "h5netcdf", "matplotlib")
     code = f"import romdam.pipelines.suites.runs, sys; print(*[m for m in {heavy!r} if m in sys.modules])"

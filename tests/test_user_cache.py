@@ -74,7 +74,15 @@ def test_a_check_fills_it_for_the_run(tmp_path, job, counted):
 
 
 @pytest.mark.parametrize("finer", [pytest.param(False, marks=pytest.mark.slow), True])
-@pytest.mark.parametrize("damage", ["cut", "changed", "empty", "text"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "cut",
+        "changed",
+        pytest.param("empty", marks=pytest.mark.slow),
+        pytest.param("text", marks=pytest.mark.slow),
+    ],
+)
 def test_damaged_blocks_are_refused_by_their_seal_and_made_again(
     tmp_path, job, counted, caplog, damage, finer
 ):

@@ -236,7 +236,10 @@ def all_modes(K, M, *_):
 
 @pytest.mark.parametrize(
     "pair",
-    [pair for pair in combinations(KEYS, 2) if frozenset(pair) not in EXCLUDED]
+    [
+        pytest.param(pair, marks=[pytest.mark.slow] * (k % 2))  # every other pair by default
+        for k, pair in enumerate(pair for pair in combinations(KEYS, 2) if frozenset(pair) not in EXCLUDED)
+    ]
     + [
         ("compressible water", ON_ROCK),
         ("compressible water", ON_ROCK, "motion along"),

@@ -70,7 +70,10 @@ def test_every_model_stands_in_a_base():
     assert len(every_key()) > 150
 
 
-@pytest.mark.parametrize("base", [pytest.param(b, marks=[pytest.mark.slow] * (b == "total")) for b in BASES])
+LONG = ("total", "suite", "waves", "gravity")
+
+
+@pytest.mark.parametrize("base", [pytest.param(b, marks=[pytest.mark.slow] * (b in LONG)) for b in BASES])
 def test_bases_run_through(folder, base):
     path = written(folder, yaml.safe_dump(BASES[base]))
     assert finished(path, folder / "out") == "valid"

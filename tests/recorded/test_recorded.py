@@ -16,7 +16,7 @@ def shared_cache(tmp_path_factory):
     return tmp_path_factory.mktemp("reduced")
 
 
-LONG = ("blocks", "gravity", "arch", "laws", "suite", "records", "linear")  # 10 to 43 s each
+LONG = ("blocks", "gravity", "arch", "laws", "suite", "records", "linear", "meshes")  # 10 to 43 s each
 NAMES = [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in JOBS]
 
 

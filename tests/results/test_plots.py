@@ -123,6 +123,7 @@ def test_figure_is_drawn_once_and_is_that_of_savefig(case, job, timing, tmp_path
     np.testing.assert_array_equal(once, twice)
 
 
+@pytest.mark.slow
 def test_figures_are_the_same_whatever_style_the_user_has_set(case, job, timing, tmp_path):
     dataset = build_dataset(case, job, timing, None)
     users = {"axes.facecolor": "black", "text.usetex": True, "lines.linewidth": 5.0, "font.family": ["serif"]}

@@ -171,6 +171,7 @@ def test_the_stated_error_is_the_sum_of_its_unlike_parts():
     assert "The time-stepping error asked for was 1 %; 1 of 3 runs estimate more." in text
 
 
+@pytest.mark.slow
 def test_compressions_and_energies_say_what_they_are():
     """The mean before the instant in both tables; stored energies are those at the end, round-off is 0."""
     summary = suite_summary(failed=0)
@@ -206,7 +207,7 @@ def test_texts_of_files_stay_texts():
     assert Page(text).open == []
 
 
-@pytest.mark.parametrize("failed", [12, 0])
+@pytest.mark.parametrize("failed", [12, pytest.param(0, marks=pytest.mark.slow)])
 def test_suite_where_everything_or_nothing_failed_has_a_page(failed):
     text = suite_page(Subject(suite_summary(failed=failed), Topic()))
     assert Page(text).open == []
@@ -314,6 +315,7 @@ plt.savefig("opening.png")
 """
 
 
+@pytest.mark.slow
 def test_ten_lines_open_the_summary_with_xarray_alone_and_draw_the_map(tmp_path):
     summary = suite_summary()
     x, z = np.meshgrid([0.0, 10.0], np.linspace(0.0, 45.0, 5))

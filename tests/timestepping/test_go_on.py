@@ -81,7 +81,16 @@ def assert_goes_on(one, again, whole, within=1e-9):
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize(
+    "joint",
+    [
+        pytest.param(
+            joint,
+            marks=[pytest.mark.slow] * (joint not in ("friction", "opening alone", "bond", "cracked base")),
+        )
+        for joint in JOINTS
+    ],
+)
 def test_a_run_goes_on_where_another_ended(joint, integrator):
     loads = {}
     if joint == "water in cracks":
