@@ -300,6 +300,7 @@ def test_numbers_of_numpy_and_tuples_are_taken(config, raw):
     given["records"] = ({**raw["records"][0], "file": Path("pulse.txt")},)
     given["outputs"] = {
         "plots": np.bool_(False),
+        "mesh_error": np.bool_(False),
         "nodes": {"top": {"block": "right", "at": np.array([0, 0, 20])}},
     }
     given["outputs"]["output_interval"] = "10 ms"

@@ -213,20 +213,20 @@ def test_a_suite_has_the_shares_of_a_closed_form_oscillator(tmp_path):
 def test_the_terminal_and_the_report_show_them(tmp_path):
     parameters = {"mu": {"path": "joints.gap.friction", "low": 0.2, "high": 0.6},
                   "gap": {"path": "joints.gap.gap", "values": ["0 mm", "1 mm"]}}  # fmt: skip
-    suite = {"parameters": parameters, "design": {"sobol_indices": 8, "seed": 2}}
+    suite = {"parameters": parameters, "design": {"sobol_indices": 16, "seed": 2}}
     outputs = {**BASE["outputs"], "plots": False, "mesh_error": False}
     config = write_job(tmp_path, records=1, suite=suite, outputs=outputs)
     said = call("run", config, "--out", tmp_path / "out", "--workers", 1)[1]
     assert "Shares of the variance of peak opening" in said and "first order" in said
     assert "bounds are up to" in said and "four times as many base samples" in said
     with xr.open_dataset(tmp_path / "out" / "summary.nc", engine="h5netcdf") as summary:
-        assert summary.attrs[BASE_SAMPLES] == 8 and "8 base samples, seed 2" in summary.attrs["design"]
+        assert summary.attrs[BASE_SAMPLES] == 16 and "16 base samples, seed 2" in summary.attrs["design"]
         section = sobol_section(Subject(summary, Topic()))
         assert section is not None and "Sobol" in section.title
         (table,) = [part for part in section.parts if isinstance(part, PageTable)]
         assert [row[1] for row in table.rows] == ["gap", "mu"]  # as the file has them
         assert set(np.unique(summary.parameter_gap.values)) == {0.0, 1e-3}
-        assert sensitivity(summary).attrs["samples"] == 16  # A and B
+        assert sensitivity(summary).attrs["samples"] == 32  # A and B
     assert "sobol" not in (tmp_path / "out" / "summary.csv").read_text().split("\n")[0]
 
 
