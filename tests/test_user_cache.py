@@ -121,6 +121,7 @@ def test_other_code_finds_nothing(tmp_path, job, counted, monkeypatch):
     assert len(counted) == 2 * made and len(entries(cache_folder())) == 4 * made  # with the finer basis
 
 
+@pytest.mark.slow
 def test_other_code_finds_nothing_in_a_folder_that_was_named(tmp_path, job, counted, monkeypatch):
     """A suite's own `cache/` is one, too."""
     romdam.run(job, tmp_path / "out", cache=tmp_path / "cache")
@@ -167,6 +168,7 @@ def test_a_block_that_is_being_written_is_not_removed():
     assert remove(entry) and not path.exists()
 
 
+@pytest.mark.slow
 def test_jobs_at_once_share_it(tmp_path, job):
     with ThreadPoolExecutor(4) as threads:
         made = [threads.submit(results, job, tmp_path / str(k), cache_folder()) for k in range(6)]

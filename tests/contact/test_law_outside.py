@@ -117,6 +117,7 @@ def test_what_stands_elsewhere_counts_as_it_is_now(folder, kind):
     assert not list(folder.rglob("*.nbi"))
 
 
+@pytest.mark.slow
 def test_a_new_process_takes_what_stands_there_now(folder):
     path = written(folder, OWN, LAW.format(head="import helper_of_laws", value="helper_of_laws.mu()"))
     for mu in ("0.3", "0.9"):

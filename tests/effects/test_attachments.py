@@ -562,6 +562,7 @@ def test_suite_over_pretension_and_mass_is_the_jobs_with_the_values(tmp_path):
             np.testing.assert_allclose(of_suite, single[name].values.ravel(), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_suite_over_damping_is_the_jobs_with_the_values(tmp_path):
     """Peaks of openings and of dampers' forces, within 1e-9 of the job with the values written in."""
     across = {"head": {"block": "right", "at": [2.5, 2, 20]}, "foot": {"block": "left", "at": [2.5, -2, 18]}}

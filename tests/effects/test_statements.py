@@ -68,7 +68,7 @@ def test_estimate_and_certificate_of_coupled_modes_are_near_the_true_error(effec
 @pytest.mark.parametrize(
     ("effects", "path", "values"),
     [
-        (("compressible water",), "damping.rayleigh.ratio", [0.03, 0.1]),
+        pytest.param(("compressible water",), "damping.rayleigh.ratio", [0.03, 0.1], marks=pytest.mark.slow),
         pytest.param(
             ("compressible water", "free field"), "joints.joint.friction", [0.1, 0.8], marks=pytest.mark.slow
         ),

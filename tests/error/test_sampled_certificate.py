@@ -66,6 +66,7 @@ def test_the_interval_covers_the_whole_record(case, tmp_path):
     assert high < 3.0 * whole.errors["opening"].l2 and low > 0.0
 
 
+@pytest.mark.slow
 def test_no_displacement_is_certified_where_none_is_written(tmp_path):
     path = result_of(tmp_path, *CASES["penalty"], nodes=False)
     for passes in (None, 1):

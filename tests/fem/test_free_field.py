@@ -268,6 +268,7 @@ def test_dam_on_level_rock_moves_as_by_uniform_input(northridge):
     assert l2(reduced.disp, other.disp) < 1e-2
 
 
+@pytest.mark.slow
 def test_dam_on_stiff_rock_moves_as_on_rock_without_mass(northridge):
     one, other = (motion(assemble_full(dam(5e12, k), DAMPED), northridge) for k in ("massless", "free_field"))
     assert l2(other.disp, one.disp) < 0.01

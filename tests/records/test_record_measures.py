@@ -111,7 +111,7 @@ def test_straight_lines_against_the_closed_form(period):
     assert pseudo_acceleration(acc, dt, np.array([period]))[0, 0] == pytest.approx(exact, rel=2e-4)
 
 
-@pytest.mark.parametrize("component", [0, 1])
+@pytest.mark.parametrize("component", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_psa_agrees_with_pyrotd_when_both_see_the_same_band_limited_signal(component):
     """At 100 periods within 0.1 %.
 

@@ -71,6 +71,7 @@ def test_suite_opens_and_is_reported_with_its_configuration(old, invoke):
     assert "Two cantilevers that romdam 0.1 shook" in (old / "suite" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_suite_says_why_its_rows_are_made_again(old, caplog):
     before = romdam.open_suite(old / "suite").peak_opening.load()
     outcome = romdam.run_suite(

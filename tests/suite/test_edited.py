@@ -23,6 +23,7 @@ def as_fresh(config, folder, calls):
     return again
 
 
+@pytest.mark.slow
 def test_a_scale_added_in_front_moves_no_number(tmp_path):
     config = write_job(tmp_path, records=1, suite={"scales": [0.25, 1, 2]})
     before = made(config, tmp_path / "out").summary.peak_opening.values.ravel()

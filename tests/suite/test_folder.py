@@ -115,6 +115,7 @@ def test_clean_lists_and_removes_what_is_of_no_run(tmp_path):
     assert made(config, out).made == 0
 
 
+@pytest.mark.slow
 def test_clean_leaves_a_run_that_has_moved_in_the_design(tmp_path):
     """Its file has the name of before until the suite is run again."""
     out = tmp_path / "out"

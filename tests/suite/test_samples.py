@@ -200,6 +200,7 @@ def test_gap_table_that_changes_under_a_suite_is_told(tmp_path):
     assert not list((tmp_path / "out" / "rows").glob("*.nc"))
 
 
+@pytest.mark.slow
 def test_samples_are_those_of_their_plan_whatever_numpy_is_set_to_print_here(tmp_path):
     """Workers are other processes: what is set in the caller's, as by an import, is not set in theirs."""
     config = write_job(tmp_path, records=1, suite={"parameters": MU})

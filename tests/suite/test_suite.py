@@ -283,6 +283,7 @@ def test_what_fails_after_a_run_is_a_row_too(tmp_path, monkeypatch):
     assert sorted(found.summary.status.values.ravel()) == [0, 0, 1]
 
 
+@pytest.mark.slow
 def test_misfortune_of_one_run_leaves_the_others_of_its_task(tmp_path, monkeypatch):
     from romdam.pipelines.suites import runs as suite_runs
 

@@ -135,6 +135,7 @@ def test_gaps_farther_apart_than_the_process_zone_are_told(tmp_path):
     assert "joints.lift.fracture: gaps are" in str(found.attrs) and "0.18 m" in str(found.attrs)
 
 
+@pytest.mark.slow
 def test_a_second_run_goes_on_with_what_the_first_one_left_of_the_bond(tmp_path):
     """Cracked from the heel, closed again, and pulled off in a run of its own: both together take G_f A."""
     first = tmp_path / "first"
