@@ -19,6 +19,8 @@ from romdam.core.errors import ConfigError, ConvergenceError
 SLOW = {
     "arch-model",
     "bar-impact",
+    "newmark-block",
+    "nafems-fv52",
     "pine-flat",
     "pine-flat-tests",
     "pacoima",

@@ -146,6 +146,7 @@ def test_verify_states_the_error_in_the_result(config, tmp_path):
     assert "in L2" in call("info", out / "pulse.nc")[1], "a later run keeps the statement"
 
 
+@pytest.mark.slow
 def test_verification_of_a_record_or_a_gap_table_of_before_is_not_stated(config, tmp_path, caplog):
     """The configuration names files; what stands in them is what is run."""
     (tmp_path / "gap.csv").write_text("x,y,z,gap\n0,0,0,0\n5,0,0,0\n0,0,20,0\n")

@@ -338,7 +338,9 @@ def quick_job():
     config = job.config
     quick = config.model_copy(
         update={
-            "outputs": config.outputs.model_copy(update={"plots": False, "error_estimate": False}),
+            "outputs": config.outputs.model_copy(
+                update={"plots": False, "error_estimate": False, "mesh_error": False}
+            ),
             "transient": config.transient.model_copy(update={"duration": 1.0}),
         }
     )

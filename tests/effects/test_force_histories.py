@@ -110,7 +110,7 @@ def test_a_shaker_alone_moves_a_column_as_its_dynamic_stiffness_says(order, freq
 @pytest.mark.parametrize(
     "keys", [{}, FULL, {"transient__integrator": "modal"}], ids=["adaptive", "full", "modal"]
 )
-@pytest.mark.parametrize("kind", ["force", "pressure"])
+@pytest.mark.parametrize("kind", ["force", pytest.param("pressure", marks=pytest.mark.slow)])
 def test_what_acts_at_once_and_stays_is_a_static_load_on_an_undeformed_start(keys, kind, tmp_path):
     """The same load by another key, with a joint that opens, slides and is shaken, at every step."""
     path = table(tmp_path, [0.0, 0.1], [1.0, 1.0])

@@ -374,7 +374,7 @@ def test_state_at_rest_is_that_of_a_job_with_the_sustained_moduli_alone(effects,
 
 
 @pytest.mark.parametrize("effects", [("temperature",), ("staged weight",), ("Westergaard's added mass",)])
-@pytest.mark.parametrize("model", [{"modes": "all"}, {"order": "full"}])
+@pytest.mark.parametrize("model", [{"modes": "all"}, pytest.param({"order": "full"}, marks=pytest.mark.slow)])
 def test_in_an_elastic_scene_both_states_superpose(effects, model):
     """What the record adds is what it adds in a job with the dynamic moduli alone; stress too."""
     elastic = {"tension_stiffness": "2 GPa/m", "friction": 0.0}

@@ -236,6 +236,7 @@ def test_wrong_dams_are_refused_with_numbers(make, case):
         make(arch_dam(**keys))
 
 
+@pytest.mark.slow
 def test_zones_do_not_depend_on_the_order_of_their_keys(make):
     scenes = [
         make(arch_dam(rock=ROCK | {"zones": dict(order)})) for order in permutations(ROCK["zones"].items())
