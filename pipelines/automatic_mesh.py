@@ -10,11 +10,11 @@ from typing import TypeVar
 from romdam.config.load import Job
 from romdam.config.other_mesh import (
     EVERY_DIRECTION,
-    coarser_by_direction,
     finer_in_direction,
     on_coarser_mesh,
     on_finer_mesh,
     on_quadratic_elements,
+    sibling_meshes,
     with_automatic_spacing,
     with_contact_points,
     with_even_divisions,
@@ -137,8 +137,8 @@ class _Tried:
         """
         self.judge_directions(name)
         while _OF_TWICE * self.error(name) <= self.share:
-            coarser = self.judged_by[name][0][-1][2]
-            if _where_possible(coarser_by_direction, self.jobs[coarser]) is None:
+            coarser = [mesh for _, times, mesh in self.judged_by[name][0] if times > 1.0][-1]
+            if _where_possible(sibling_meshes, self.jobs[coarser]) is None:
                 break
             self.judge_directions(name := coarser)
         while self.error(name) > self.share:
@@ -152,12 +152,12 @@ class _Tried:
 
     def judge_directions(self, name: str) -> None:
         """Run a dam's mesh and its siblings by direction, and state its error."""
-        others, siblings = [], coarser_by_direction(self.jobs[name])
-        for k, sibling in enumerate(siblings):
-            coarser = " and ".join(each.direction for each in siblings[: k + 1])
-            others.append(
-                (sibling.direction, sibling.times, self.mesh(f"{name}, coarser {coarser}", sibling.job))
-            )
+        others, mesh = [], name
+        for k, sibling in enumerate(sibling_meshes(self.jobs[name])):
+            size = "finer" if sibling.times < 1.0 else "coarser"
+            link = " and" if k and size == "coarser" else f", {size}"
+            mesh = f"{mesh}{link} {sibling.direction}"
+            others.append((sibling.direction, sibling.times, self.mesh(mesh, sibling.job)))
         for other in (name, *(each for _, _, each in others)):
             self.run(other)
         self.judged_by[name] = others, False

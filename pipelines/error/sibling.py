@@ -2,7 +2,8 @@
 
 A run is judged by one or more other models of the same job:
 
-- elements of twice the size, in all directions at once, or in one more direction from each mesh to the next;
+- elements of twice the size, in all directions at once, or in one more direction from each mesh to the next,
+  and below a dam of these twice as many layers of rock;
 - elements of four times the size, which show the order of convergence;
 - elements of half the size, where there is no coarser mesh and the scene is small;
 - a gap at every node, where the job has fewer contact points.
@@ -20,9 +21,9 @@ from romdam.config.load import Job
 from romdam.config.other_mesh import (
     EVERY_DIRECTION,
     SiblingJob,
-    coarser_by_direction,
     on_coarser_mesh,
     on_finer_mesh,
+    sibling_meshes,
     with_compared_stress,
     with_gaps_at_every_node,
     with_steps_of,
@@ -82,8 +83,8 @@ class Sibling:
 
     Attributes
     ----------
-    meshes : one, with elements of half the size (`finer`) or twice; or several, each coarser in one more
-        direction than the one before
+    meshes : one, with elements of half the size (`finer`) or twice; or several, each of which differs from
+        the one before in one direction
     finer : whether elements have half the size
     second : elements of four times the size, which show the order; None where there is no such mesh
     points : a gap at every node, in place of `spacing`; None where the job has a gap at every node
@@ -218,7 +219,7 @@ def sibling_jobs(job: Job, *, finer: bool) -> list[SiblingJob]:
     """The job on elements of half the size or twice, or by direction; see `romdam.config.other_mesh`."""
     if finer:
         return [SiblingJob(EVERY_DIRECTION, 2.0, on_finer_mesh(job))]
-    return coarser_by_direction(job) or [SiblingJob(EVERY_DIRECTION, 2.0, on_coarser_mesh(job))]
+    return sibling_meshes(job)
 
 
 def with_stress(model: RunModel) -> RunModel:

@@ -25,13 +25,11 @@ from romdam.config.sections.study import ContactPoints
 from romdam.core.errors import ConfigError
 
 _QUADRATIC = {"hex8": "hex20", "tet4": "tet10"}
-_OF_DAM = ("along", "through", "up")  # divisions of the dam itself, whose nodes hold the gaps
+# divisions of the dam itself, whose nodes hold the gaps. What is made coarser first to last: the earlier, the
+# more gaps are saved in all later ones
+_OF_DAM = ("up", "through", "along")
 _ROCK = ("perimeter", "rock", "depth", "upstream", "downstream", "banks")
-# what is made coarser first to last: the earlier, the more gaps are saved in all later ones
 EVERY_DIRECTION = "every direction"
-DIRECTIONS: dict[str, tuple[str, ...]] = {
-    "up": ("up",), "through": ("through",), "along": ("along",), "rock": _ROCK,
-}  # fmt: skip
 _POINTS: dict[str, dict[str, object]] = {  # contact points -> keys of every joint
     "nodes": {"gaps": "nodes", "discretization": "node_to_node"},
     "corners": {"gaps": "corners", "discretization": "node_to_node"},
@@ -39,6 +37,7 @@ _POINTS: dict[str, dict[str, object]] = {  # contact points -> keys of every joi
 }
 MeshT = TypeVar("MeshT", MeshFileConfig, Divisions)
 ModelT = TypeVar("ModelT", bound=Model)
+DamConfig = ArchDamConfig | GravityDamConfig
 
 
 def on_finer_mesh(job: Job) -> Job:
@@ -53,8 +52,12 @@ def on_finer_mesh(job: Job) -> Job:
     return _on_other_mesh(job, finer=True)
 
 
-def on_coarser_mesh(job: Job) -> Job:
+def on_coarser_mesh(job: Job, *, rock: bool = True) -> Job:
     """The job with elements of twice the size; odd numbers of layers of rock are rounded up.
+
+    Parameters
+    ----------
+    rock : whether what generated dams stand on is coarser too
 
     Raises
     ------
@@ -81,58 +84,71 @@ def on_coarser_mesh(job: Job) -> Job:
                 counts = getattr(dam.shared_divisions, name)
                 if any(n % 2 for n in (counts if isinstance(counts, tuple) else (counts,))):
                     _refuse_counts(job, dam, name, "which cannot be halved")
-    return _on_other_mesh(job, finer=False)
+    return _on_other_mesh(job, finer=False, rock=rock)
 
 
 @dataclass(frozen=True)
 class SiblingJob:
-    """A job on another mesh: in which direction that differs, and the ratio of the sizes of elements."""
+    """A job on another mesh than the one before it: in which direction that differs, and by how much.
+
+    Attributes
+    ----------
+    times : size of its elements over that of those before, in that direction; below 1 where they are finer
+    """
 
     direction: str
     times: float
     job: Job
 
 
-def coarser_by_direction(job: Job) -> list[SiblingJob]:
-    """Jobs on meshes of twice the size, each in one more direction than the one before.
+def sibling_meshes(job: Job) -> list[SiblingJob]:
+    """Jobs on other meshes, each of which differs from the one before in one direction; the first from `job`.
 
-    A dam without rock has no such direction. Odd numbers of elements that three divides become two thirds of
-    what they are: every third node, and its gap, is in both meshes. Other odd divisions along an arch, which
-    hold no gaps, are rounded up, as odd numbers of layers of rock. Up and through a gravity dam every
-    interval between elevations where something changes is so divided: an error that both meshes have in an
-    interval which they share does not show in their difference.
+    A generated dam on quadratic elements is coarser in one more direction in each; other jobs have elements
+    of twice the size in all directions at once. Odd numbers of elements that three divides become two thirds
+    of what they are: every third node, and its gap, is in both meshes. Other odd divisions along an arch,
+    which hold no gaps, are rounded up. Up and through a gravity dam every interval between elevations where
+    something changes is so divided: an error that both meshes have in an interval which they share does not
+    show in their difference.
 
-    Returns
-    -------
-    none for a job that is not of a generated dam alone, on elements of quadratic displacements
+    Below all these dams are the perimeter and the rock of `job`, and the last one has twice as many layers
+    and rows of them: the one layer of a perimeter, and odd numbers, have no half, and finer rock costs little
+    below a coarse dam.
 
     Raises
     ------
     ConfigError
-        for stiffnesses of single gaps, and numbers of elements through a dam, or up, of which neither half
-        nor two thirds are whole.
+        as `on_coarser_mesh`, for numbers of elements through a dam, or up, of which neither half nor two
+        thirds are whole, and for more layers of rock than a dam may have.
     """
     key, dam = _quadratic_dam(job)
     if dam is None:
-        return []
+        every = SiblingJob(EVERY_DIRECTION, 2.0, on_coarser_mesh(job, rock=False))
+        return _with_finer_ground([every])
     _refuse_bound_to_mesh(job)
     divisions, chain = dam.shared_divisions, list[SiblingJob]()
-    for direction, names in DIRECTIONS.items():
-        coarser: dict[str, object] = {}
-        if direction == "rock":
-            counts = {name: getattr(divisions, name) for name in names if hasattr(divisions, name)}
-            coarser = {name: (count + 1) // 2 for name, count in counts.items()}
-            if not _has_ground(dam) or coarser == counts:
-                continue
-            times, coarser = 2.0, coarser | {"growth": divisions.growth**2}
-        else:
-            fewer = _coarser_counts(getattr(divisions, direction), rounded=_holds_no_gaps(dam, direction))
-            if fewer is None:
-                _refuse_counts(job, dam, direction, "of which neither half nor two thirds are whole")
-            times, coarser = fewer[0], {direction: fewer[1]}
-        divisions = divisions.model_copy(update=coarser)
+    for direction in _OF_DAM:
+        fewer = _coarser_counts(getattr(divisions, direction), rounded=_holds_no_gaps(dam, direction))
+        if fewer is None:
+            _refuse_counts(job, dam, direction, "of which neither half nor two thirds are whole")
+        times, counts = fewer
+        divisions = divisions.model_copy(update={direction: counts})
         changed = dam.model_copy(update={"divisions": divisions})
         chain.append(SiblingJob(direction, times, _of_another_mesh(job, {key: changed})))
+    return _with_finer_ground(chain)
+
+
+def _with_finer_ground(chain: list[SiblingJob]) -> list[SiblingJob]:
+    """The chain, and where a dam stands on something its last job with twice as many layers of that.
+
+    Stress, which runs are compared by, is in the last only.
+    """
+    job, changed = chain[-1].job, dict[str, object]()
+    for key, dam in (("arch_dam", job.config.arch_dam), ("gravity_dam", job.config.gravity_dam)):
+        if dam is not None and _has_ground(dam):
+            changed[key] = _with_ground(job, key, dam, lambda n: 2 * n, 0.5)
+    if changed:
+        chain = [*chain, SiblingJob("rock", 0.5, _of_another_mesh(job, changed))]
     return [replace(each, job=_without_stress(each.job)) for each in chain[:-1]] + chain[-1:]
 
 
@@ -162,7 +178,12 @@ def with_even_divisions(job: Job) -> Job:
 
 
 def finer_in_direction(job: Job, direction: str) -> Job:
-    """The job of a generated dam with half again as many elements in one of `DIRECTIONS`, an even number.
+    """The job of a generated dam with half again as many elements in a direction, an even number.
+
+    Parameters
+    ----------
+    direction : up, through or along, or rock for all below and beside the dam
+
 
     Raises
     ------
@@ -171,23 +192,43 @@ def finer_in_direction(job: Job, direction: str) -> Job:
         the direction, and for more elements than a dam may have.
     """
     key, dam = _only_quadratic_dam(job)
-    if direction == "rock" and dam.rock is None:
+    if direction == "rock" and not _has_ground(dam):
         raise ConfigError(f"{job.path}: {key}: there is no rock to refine")
-    divisions = dam.shared_divisions
-    counts = {
-        name: every_count(getattr(divisions, name), lambda n: 2 * math.ceil(0.75 * n))
-        for name in DIRECTIONS[direction]
-        if hasattr(divisions, name)
-    }
-    if max(map(in_all, counts.values())) > MOST_DIVISIONS:
-        raise ConfigError(
-            f"{job.path}: {key}.divisions: more than {MOST_DIVISIONS} {direction} are not meshed"
-        )
-    wanted: dict[str, object] = dict(counts)
+
+    def finer(n: int) -> int:
+        return 2 * math.ceil(0.75 * n)
+
     if direction == "rock":
-        wanted["growth"] = divisions.growth ** (1.0 / 1.5)
-    changed = dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
+        changed = _with_ground(job, key, dam, finer, 1.0 / 1.5)
+    else:
+        divisions = dam.shared_divisions
+        counts = every_count(getattr(divisions, direction), finer)
+        _refuse_many(job, key, direction, counts)
+        changed = dam.model_copy(update={"divisions": divisions.model_copy(update={direction: counts})})
     return replace(job, config=job.config.model_copy(update={key: changed}))
+
+
+def _with_ground(
+    job: Job, key: str, dam: DamConfig, change: Callable[[int], int], of_growth: float
+) -> DamConfig:
+    """A dam with other numbers of layers and rows below and beside it.
+
+    Parameters
+    ----------
+    of_growth : exponent of the growth of layers
+    """
+    divisions = dam.shared_divisions
+    counts = {name: change(getattr(divisions, name)) for name in _ROCK if hasattr(divisions, name)}
+    for name, count in counts.items():
+        _refuse_many(job, key, name, count)
+    wanted: dict[str, object] = counts | {"growth": divisions.growth**of_growth}
+    return dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
+
+
+def _refuse_many(job: Job, key: str, name: str, counts: Counts) -> None:
+    """Raise for more elements than a dam may have."""
+    if in_all(counts) > MOST_DIVISIONS:
+        raise ConfigError(f"{job.path}: {key}.divisions: more than {MOST_DIVISIONS} {name} are not meshed")
 
 
 def _coarser_counts(counts: Counts, *, rounded: bool) -> tuple[float, Counts] | None:
@@ -208,12 +249,12 @@ def _coarser_counts(counts: Counts, *, rounded: bool) -> tuple[float, Counts] | 
     return None
 
 
-def _holds_no_gaps(dam: ArchDamConfig | GravityDamConfig, direction: str) -> bool:
+def _holds_no_gaps(dam: DamConfig, direction: str) -> bool:
     """Whether nodes along a direction hold no gaps: along an arch, whose joints part the cantilevers."""
     return direction == "along" and isinstance(dam, ArchDamConfig)
 
 
-def _refuse_counts(job: Job, dam: ArchDamConfig | GravityDamConfig, name: str, why: str) -> NoReturn:
+def _refuse_counts(job: Job, dam: DamConfig, name: str, why: str) -> NoReturn:
     """Raise for numbers of elements that have no coarser mesh, with numbers that have one."""
     divided, each = getattr(dam.divisions.refined, name), getattr(dam.shared_divisions, name)
     stated = list(divided) if isinstance(divided, tuple) else divided
@@ -228,7 +269,7 @@ def _refuse_counts(job: Job, dam: ArchDamConfig | GravityDamConfig, name: str, w
     )
 
 
-def _only_quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig]:
+def _only_quadratic_dam(job: Job) -> tuple[str, DamConfig]:
     """Key and section of a job's generated dam.
 
     Raises
@@ -244,7 +285,7 @@ def _only_quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig
     return key, dam
 
 
-def _quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig | None]:
+def _quadratic_dam(job: Job) -> tuple[str, DamConfig | None]:
     """Key and section of a job's generated dam, None without one alone on quadratic displacements."""
     dams = {"arch_dam": job.config.arch_dam, "gravity_dam": job.config.gravity_dam}
     present = [(key, dam) for key, dam in dams.items() if dam is not None]
@@ -253,7 +294,7 @@ def _quadratic_dam(job: Job) -> tuple[str, ArchDamConfig | GravityDamConfig | No
     return present[0]
 
 
-def _has_ground(dam: ArchDamConfig | GravityDamConfig) -> bool:
+def _has_ground(dam: DamConfig) -> bool:
     """Whether a dam stands on rock or on a perimeter."""
     return dam.rock is not None or (isinstance(dam, ArchDamConfig) and dam.perimeter is not None)
 
@@ -444,7 +485,7 @@ def _refuse_coarser(location: str, why: str, remedy: str = "") -> NoReturn:
     )
 
 
-def _on_other_mesh(job: Job, *, finer: bool) -> Job:
+def _on_other_mesh(job: Job, *, finer: bool, rock: bool = True) -> Job:
     """The job with other numbers of elements."""
     config, blocks = job.config, dict(job.config.blocks)
     for name, block in blocks.items():
@@ -459,15 +500,18 @@ def _on_other_mesh(job: Job, *, finer: bool) -> Job:
     for key, dam in (("arch_dam", config.arch_dam), ("gravity_dam", config.gravity_dam)):
         if dam is not None:
             divisions: Divisions = dam.divisions
-            if finer or divisions.refine:
+            if finer or (divisions.refine and rock):
                 divisions = _refined(divisions, finer=finer)
             else:
                 divisions = dam.shared_divisions
                 halved: dict[str, object] = {
                     name: every_count(counts, lambda n: (n + 1) // 2)
                     for name, counts in divisions.counts.items()
+                    if rock or name in _OF_DAM
                 }
-                divisions = divisions.model_copy(update=halved | {"growth": divisions.growth**2})
+                if rock:
+                    halved["growth"] = divisions.growth**2
+                divisions = divisions.model_copy(update=halved)
             changed[key] = dam.model_copy(update={"divisions": divisions})
     return _of_another_mesh(job, changed)
 

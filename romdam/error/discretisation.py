@@ -15,7 +15,10 @@ Quadratic meshes of generated dams have a chain of siblings, each of twice the s
 the one before. A difference in one direction is small and keeps the order of its elements, which that in
 every direction at once does not, and each sibling is cheaper than the one before. Errors are the root of the
 sum of squares over the directions: differences of joints that open and close in turn are hardly correlated
-from direction to direction. From n elements to fewer, n / r of them, the factor is 1 / (r^p - 1).
+from direction to direction. From n elements to n / r, fewer or more, the factor is 1 / |r^p - 1|.
+
+What a dam stands on is judged by twice as many layers of it below the last, coarsest, dam. Five arch dams on
+rock or on a perimeter alone state 1.1 to 1.6 times what four times as many layers change.
 
 Fewer contact points than nodes (`spacing`) are a term of their own: the difference to the same run with a gap
 at every node, on the mesh itself or, where the coarser sibling's nodes are much closer than the spacing, on
@@ -85,7 +88,7 @@ class SiblingRun:
     Attributes
     ----------
     direction : in which the meshes differ
-    times : size of the coarser elements over that of the finer ones, in that direction
+    times : size of its elements over that of the run before, in that direction; below 1 where they are finer
     """
 
     direction: str
@@ -165,8 +168,8 @@ def discretisation(
     Parameters
     ----------
     sibling : the same with elements of half the size, or of twice the size; or a chain of runs on meshes,
-        each coarser than the one before in one more direction
-    finer : whether it is of half the size
+        each of which differs from the one before in one direction
+    finer : whether the first is of half the size
     about : record, configuration and whatever else is to be written with it
     second : a coarser sibling's own, of four times the size, which shows the order
     points : runs on one mesh, with the contact points of `run` and with a gap at every node; None where `run`
@@ -186,7 +189,7 @@ def discretisation(
     factor = partial(_error_over_difference, run=run, finer=finer, shown=shown)
     pairs = [(differences, chain[0].times)]
     if len(chain) > 1:
-        pairs = [(_differences(coarser.run, better)[0], coarser.times) for better, coarser in steps]
+        pairs = [(_between(before, other), other.times) for before, other in steps]
     parts = [
         {name: scaled(error, factor(name, error, times=times)) for name, error in found.errors.items()}
         for found, times in pairs
@@ -236,12 +239,12 @@ def discretisation(
     }
     if len(chain) > 1:
         details["directions"] = {
-            coarser.direction: part["opening"].plain
+            other.direction: part["opening"].plain
             | {
-                "times_unknowns_to_halve": _times_to_halve(better.unknowns, coarser.run.unknowns),
-                "times_gaps_to_halve": _times_to_halve(len(better.position), len(coarser.run.position)),
+                "times_unknowns_to_halve": _times_to_halve(before.unknowns, other.run.unknowns),
+                "times_gaps_to_halve": _times_to_halve(len(before.position), len(other.run.position)),
             }
-            for (better, coarser), part in zip(steps, parts, strict=False)
+            for (before, other), part in zip(steps, parts, strict=False)
         }
     if points is not None:
         details["elements"] = {name: error.plain for name, error in of_elements.items()}
@@ -272,6 +275,12 @@ def _differences(
     return differences, sliding
 
 
+def _between(before: MeshRun, other: SiblingRun) -> Differences:
+    """What a run and the next one of a chain differ by."""
+    judged, better = (before, other.run) if other.times < 1.0 else (other.run, before)
+    return _differences(judged, better)[0]
+
+
 def _error_over_difference(
     quantity: str,
     difference: RelativeError,
@@ -286,13 +295,13 @@ def _error_over_difference(
     Parameters
     ----------
     shown : the differences of the sibling to a second one, of twice its elements' size
-    times : size of the coarser elements over that of the finer ones
+    times : size of the sibling's elements over that of the run before
     """
     if finer:
         return OVER_FINER
     if times != 2.0:
         of_twice = _error_over_difference(quantity, difference, run, finer=finer, shown=shown, times=2.0)
-        return float(1.0 / (times ** np.log2(1.0 + 1.0 / of_twice) - 1.0))
+        return float(1.0 / abs(times ** np.log2(1.0 + 1.0 / of_twice) - 1.0))
     if not run.quadratic or quantity not in _MOVING:
         return OVER_COARSER
     former = None if shown is None else shown.get(quantity)
@@ -309,9 +318,14 @@ def _of_no_nodes(errors: Mapping[str, RelativeError]) -> dict[str, RelativeError
     return {name: replace(error, joints={}) if name in whole else error for name, error in errors.items()}
 
 
-def _times_to_halve(count: int, coarser: int) -> float:
-    """How many times a count is multiplied by half the size in a direction; it is linear in the divisions."""
-    return 3.0 - 2.0 * coarser / count
+def _times_to_halve(count: int, other: int) -> float:
+    """How many times a count is multiplied by half the size in a direction; it is linear in the divisions.
+
+    Parameters
+    ----------
+    other : with elements of twice the size in that direction, or of half
+    """
+    return other / count if other > count else 3.0 - 2.0 * other / count
 
 
 def _sentence(
@@ -346,7 +360,8 @@ def _sentence(
             f"unknowns, {part['times_gaps_to_halve']:.2g} times the gaps)"
             for name, part in directions.items()
         ]
-        source = f"the root of squares over directions, from twice the size in each: {', '.join(each)}"
+        half = " of the dam and half in the rock" if "rock" in directions else ""
+        source = f"the root of squares over directions, from twice the size in each{half}: {', '.join(each)}"
     elif details["order_shown"]:
         source += ", as the difference to four times the size shows"
     elif OVER_COARSER_QUADRATIC < factor < OVER_COARSER:

@@ -10,12 +10,13 @@ import xarray as xr
 import yaml
 from arch_dams import PERIMETER, ROCK, ROCKS, arch_dam
 from mesh_runs import mesh_run
+from scipy.spatial import cKDTree
 from test_cli import SMALL, call
 
 import romdam
 import romdam.pipelines.error.sibling as sibling_module
 from romdam.config.load import load_config
-from romdam.config.other_mesh import coarser_by_direction, on_coarser_mesh
+from romdam.config.other_mesh import sibling_meshes
 from romdam.core.errors import ConfigError, ResultError
 from romdam.core.system import SLIP
 from romdam.error.discretisation import (
@@ -28,6 +29,7 @@ from romdam.error.discretisation import (
 from romdam.pipelines.error.verify import run_on_mesh
 from romdam.pipelines.run import Clock, silent
 from romdam.records.record_set import load_motions
+from romdam.scene.build import build_scene
 from romdam.timestepping import load_order
 
 TIME = np.linspace(0.0, 4.0, 401)
@@ -350,6 +352,19 @@ def test_errors_of_directions_add_up_as_squares():
     assert "up 2 % (half the size: 1.8 times the unknowns, 1 times the gaps), along 2.7 % " in stated.sentence
 
 
+def test_finer_rock_below_a_coarser_dam_is_judged_by_the_difference_to_it():
+    """Up 2 % as above; the rock changes 5 % of the coarser run, relative to finer rock, of order 2.6."""
+    run, up, rock = (replace(run_of((k, 2.0 * k, 3.0 * k)), quadratic=True) for k in (1.0, 1.1, 1.1 / 0.95))
+    up, rock = replace(up, unknowns=60), replace(rock, unknowns=150)
+    chain = [SiblingRun("up", 2.0, up), SiblingRun("rock", 0.5, rock)]
+    stated = discretisation(replace(run, unknowns=100), chain, finer=False, about=ABOUT)
+    directions = stated.details["directions"]
+    assert [part["l2"] for part in directions.values()] == pytest.approx([0.02, 1.2 * 0.05])
+    assert directions["rock"]["times_unknowns_to_halve"] == pytest.approx(2.5)
+    assert stated.errors["opening"].l2 == pytest.approx(np.hypot(0.02, 0.06))
+    assert "from twice the size in each of the dam and half in the rock: up 2 % " in stated.sentence
+
+
 def arch_job(folder, divisions, **dam):
     """A dam of three cantilevers without rock in a pulse of two seconds."""
     time = np.arange(200) * 0.01
@@ -377,37 +392,65 @@ def arch_job(folder, divisions, **dam):
     return path
 
 
-def test_siblings_of_a_dam_are_coarser_in_one_more_direction_each(tmp_path):
-    rock = {"along": 3, "through": 2, "up": 3, "perimeter": 1, "rock": 5, "upstream": 3, "downstream": 4}
-    raw = yaml.safe_load(arch_job(tmp_path, rock | {"refine": 1, "growth": 4.0}).read_text())
+@pytest.mark.parametrize("element", ["hex8", "hex20"])
+def test_siblings_of_a_dam_differ_in_one_more_direction_each(element, tmp_path):
+    """What the dam stands on is finer below the last one: one layer, and odd numbers, have no half."""
+    divisions = {"along": 3, "through": 2, "up": 3, "refine": 1, "growth": 2.25}
+    rock = {"perimeter": 1, "rock": 5, "upstream": 3, "downstream": 4}
+    raw = yaml.safe_load(arch_job(tmp_path, divisions | rock, element=element).read_text())
     raw["arch_dam"] |= {"perimeter": PERIMETER, "rock": ROCK}
     raw["materials"] |= ROCKS
     job = load_config(raw)
-    chain = coarser_by_direction(job)
-    assert [(each.direction, each.times) for each in chain] == [
-        ("up", 2.0), ("through", 2.0), ("along", 2.0), ("rock", 2.0)
-    ]  # fmt: skip
+    chain = sibling_meshes(job)
     counts = [each.job.config.arch_dam.divisions for each in chain]
-    assert [(d.along, d.through, d.up, d.rock, d.upstream) for d in counts] == [
-        (6, 4, 3, 10, 6), (6, 2, 3, 10, 6), (3, 2, 3, 10, 6), (3, 2, 3, 5, 3)
-    ]  # fmt: skip
-    assert counts[2].growth == pytest.approx(2.0) and counts[3].growth == pytest.approx(4.0)
-    assert chain[-1].job.config.arch_dam == on_coarser_mesh(job).config.arch_dam.model_copy(
-        update={"divisions": counts[3]}
-    )
+    of_dam = [(d.along, d.through, d.up) for d in counts]
+    if element == "hex8":
+        assert [(each.direction, each.times) for each in chain] == [("every direction", 2.0), ("rock", 0.5)]
+        assert of_dam == 2 * [(3, 2, 3)]
+    else:
+        assert [(each.direction, each.times) for each in chain] == [
+            ("up", 2.0), ("through", 2.0), ("along", 2.0), ("rock", 0.5)
+        ]  # fmt: skip
+        assert of_dam == [(6, 4, 3), (6, 2, 3), (3, 2, 3), (3, 2, 3)]
+    assert {(d.perimeter, d.rock, d.upstream, d.downstream, d.growth) for d in counts[:-1]} == {
+        (2, 10, 6, 8, 1.5)
+    }
+    finest = counts[-1]
+    assert (finest.perimeter, finest.rock, finest.upstream, finest.downstream) == (4, 20, 12, 16)
+    assert finest.growth == pytest.approx(1.5**0.5)
+    before, last = (build_scene(each.job.config, tmp_path, "job").blocks for each in chain[-2:])
+    finer = cKDTree(np.concatenate([block.points for block in last.values()]))
+    for name, block in before.items():  # layers in the ratio of the root: every other one is at its place
+        corners = block.points[np.unique(block.cells[:, :8])]
+        assert finer.query(corners)[0].max() < 1e-6
+        times = {"C": 1, "p": 2}.get(name[0])  # cantilevers stay, the perimeter is of layers in one direction
+        assert times is None or len(last[name].cells) == times * len(block.cells)
+
+
+def test_layers_of_rock_that_cannot_be_twice_as_many_are_refused(tmp_path):
+    divisions = {"along": 2, "through": 2, "up": 2, "rock": 120, "growth": 1.0}
+    raw = yaml.safe_load(arch_job(tmp_path, divisions).read_text())
+    raw["arch_dam"] |= {"perimeter": PERIMETER, "rock": ROCK}
+    raw["materials"] |= ROCKS
+    with pytest.raises(ConfigError, match=r"arch_dam.divisions: more than 200 rock are not meshed"):
+        sibling_meshes(load_config(raw))
+
+
+def test_siblings_of_odd_numbers_are_of_thirds_or_refused(tmp_path):
     odd = load_config(arch_job(tmp_path, {"along": 3, "through": 2, "up": 4}))
-    assert [(each.direction, each.times) for each in coarser_by_direction(odd)] == [
+    assert [(each.direction, each.times) for each in sibling_meshes(odd)] == [
         ("up", 2.0), ("through", 2.0), ("along", 1.5)
     ]  # fmt: skip
-    thirds = coarser_by_direction(load_config(arch_job(tmp_path, {"along": 9, "through": 3, "up": 9})))
+    thirds = sibling_meshes(load_config(arch_job(tmp_path, {"along": 9, "through": 3, "up": 9})))
     assert [(each.direction, each.times) for each in thirds] == [
         ("up", 1.5), ("through", 1.5), ("along", 1.5)
     ]  # fmt: skip
     coarsest = thirds[-1].job.config.arch_dam.divisions
     assert (coarsest.along, coarsest.through, coarsest.up) == (6, 2, 6)
     with pytest.raises(ConfigError, match=r"arch_dam.divisions.through: is 5, of which neither half nor two"):
-        coarser_by_direction(load_config(arch_job(tmp_path, {"along": 2, "through": 5, "up": 4})))
-    assert coarser_by_direction(load_config(arch_job(tmp_path, {}, element="hex8"))) == []
+        sibling_meshes(load_config(arch_job(tmp_path, {"along": 2, "through": 5, "up": 4})))
+    (every,) = sibling_meshes(load_config(arch_job(tmp_path, {}, element="hex8")))
+    assert (every.direction, every.times) == ("every direction", 2.0)
 
 
 @pytest.mark.slow

@@ -12,10 +12,10 @@ from scipy.spatial import cKDTree
 import romdam
 from romdam.config.load import Job, parse_config
 from romdam.config.other_mesh import (
-    coarser_by_direction,
     finer_in_direction,
     on_coarser_mesh,
     on_finer_mesh,
+    sibling_meshes,
     with_even_divisions,
 )
 from romdam.config.sections.job import BoxConfig
@@ -160,7 +160,7 @@ def steps_job(divisions, **keys):
 def test_a_coarser_gravity_dam_is_coarser_in_every_interval(divisions, times, rows, columns, tmp_path):
     """An error in an interval that both meshes share would not show in their difference."""
     job = steps_job(divisions, **({"gallery": GALLERY} if len(columns) > 1 else {}))
-    chain = coarser_by_direction(job)
+    chain = sibling_meshes(job)
     assert [(each.direction, each.times) for each in chain] == [
         ("up", times),
         ("through", 2.0),
@@ -185,11 +185,11 @@ def test_rows_that_are_shared_out_have_no_coarser_mesh_until_they_are_even():
         r"103 m, of which neither half nor two thirds are whole; make it \[2, 2, 4, 4\], or compare with"
     )
     with pytest.raises(ConfigError, match=said):
-        coarser_by_direction(job)
+        sibling_meshes(job)
     with pytest.raises(ConfigError, match=r"which cannot be halved; make it \[2, 2, 4, 4\]"):
         on_coarser_mesh(job)
     even = with_even_divisions(job)
-    assert even.config.gravity_dam.rows == (2, 2, 4, 4) and len(coarser_by_direction(even)) == 3
+    assert even.config.gravity_dam.rows == (2, 2, 4, 4) and len(sibling_meshes(even)) == 3
     assert with_even_divisions(even) is even
     finer = finer_in_direction(even, "up").config.gravity_dam
     assert (finer.rows, finer.columns) == ((4, 4, 6, 6), (4,))

@@ -22,7 +22,7 @@ from memory_truth import RECORDS, record_entry
 
 import romdam
 from romdam.config.load import Job
-from romdam.config.other_mesh import coarser_by_direction, on_finer_mesh, on_quadratic_elements
+from romdam.config.other_mesh import on_finer_mesh, on_quadratic_elements
 from romdam.core.errors import ConfigError
 from romdam.core.threads import one_thread
 from romdam.error.comparison import OVER_FINER
@@ -233,12 +233,10 @@ def make_job(case: str, record: str, seconds: float) -> Job:
 def limit_of(job: Job) -> Job:
     """The job on a mesh whose error is far below its own."""
     finer = on_finer_mesh(job)
-    if not job.config.blocks and coarser_by_direction(job):
-        return finer
     try:
         return on_quadratic_elements(finer)
     except ConfigError:  # they are already
-        return on_finer_mesh(finer)
+        return on_finer_mesh(finer) if job.config.blocks else finer
 
 
 @one_thread()

@@ -25,11 +25,10 @@ from mesh_truth import CASES, RECORDS, make_job
 
 from romdam.config.load import Job
 from romdam.config.other_mesh import (
-    coarser_by_direction,
     has_linear_elements_only,
-    on_coarser_mesh,
     on_finer_mesh,
     on_quadratic_elements,
+    sibling_meshes,
     with_contact_points,
     with_gaps_at_every_node,
 )
@@ -180,10 +179,8 @@ def from_coarse(job: Job) -> dict[str, Job]:
     """The job on meshes from twice to half the size of its elements, the coarsest first."""
     meshes = dict[str, Job]()
     with suppress(RomdamError):
-        meshes = {f"coarser to {each.direction}": each.job for each in reversed(coarser_by_direction(job))}
-    if not meshes:
-        with suppress(RomdamError):
-            meshes["twice"] = on_coarser_mesh(job)
+        coarser = [each for each in sibling_meshes(job) if each.times > 1.0]
+        meshes = {f"coarser to {each.direction}": each.job for each in reversed(coarser)}
     meshes["the size given"] = job
     with suppress(RomdamError):
         meshes["half"] = on_finer_mesh(job)
