@@ -111,9 +111,9 @@ def sibling_meshes(job: Job) -> list[SiblingJob]:
     something changes is so divided: an error that both meshes have in an interval which they share does not
     show in their difference.
 
-    Below all these dams are the perimeter and the rock of `job`, and the last one has twice as many layers
-    and rows of them: the one layer of a perimeter, and odd numbers, have no half, and finer rock costs little
-    below a coarse dam.
+    Below all these dams are the perimeter and the rock of `job`. The last one has layers of half the size in
+    the perimeter and the inner half of the rock: one layer, and odd numbers of them, cannot be halved, and
+    finer rock costs little below a coarse dam.
 
     Raises
     ------
@@ -139,17 +139,33 @@ def sibling_meshes(job: Job) -> list[SiblingJob]:
 
 
 def _with_finer_ground(chain: list[SiblingJob]) -> list[SiblingJob]:
-    """The chain, and where a dam stands on something its last job with twice as many layers of that.
+    """The chain, and where a dam stands on something its last job with finer layers of that.
 
     Stress, which runs are compared by, is in the last only.
     """
     job, changed = chain[-1].job, dict[str, object]()
     for key, dam in (("arch_dam", job.config.arch_dam), ("gravity_dam", job.config.gravity_dam)):
         if dam is not None and _has_ground(dam):
-            changed[key] = _with_ground(job, key, dam, lambda n: 2 * n, 0.5)
+            changed[key] = _on_finer_ground(job, key, dam)
     if changed:
         chain = [*chain, SiblingJob("rock", 0.5, _of_another_mesh(job, changed))]
     return [replace(each, job=_without_stress(each.job)) for each in chain[:-1]] + chain[-1:]
+
+
+def _on_finer_ground(job: Job, key: str, dam: DamConfig) -> DamConfig:
+    """A dam on layers of half the size: those of the perimeter, and the inner half of those of the rock.
+
+    Where some are halved already, all are.
+    """
+    divisions = dam.shared_divisions
+    if divisions.halved or dam.rock is None:
+        return _with_ground(job, key, dam, lambda n: 2 * n, 0.5)
+    layers = {name: getattr(divisions, name) for name in _ROCK if hasattr(divisions, name)}
+    perimeter = {name: 2 * count for name, count in layers.items() if name == "perimeter"}
+    _refuse_many(job, key, "perimeter", perimeter.get("perimeter", 0))
+    of_rock = max(count for name, count in layers.items() if name not in perimeter)
+    changed = perimeter | {"halved": (of_rock + 1) // 2}
+    return dam.model_copy(update={"divisions": divisions.model_copy(update=changed)})
 
 
 def with_even_divisions(job: Job) -> Job:
@@ -221,7 +237,8 @@ def _with_ground(
     counts = {name: change(getattr(divisions, name)) for name in _ROCK if hasattr(divisions, name)}
     for name, count in counts.items():
         _refuse_many(job, key, name, count)
-    wanted: dict[str, object] = counts | {"growth": divisions.growth**of_growth}
+    halved = change(divisions.halved) if divisions.halved else 0
+    wanted: dict[str, object] = counts | {"halved": halved, "growth": divisions.growth**of_growth}
     return dam.model_copy(update={"divisions": divisions.model_copy(update=wanted)})
 
 
@@ -510,7 +527,7 @@ def _on_other_mesh(job: Job, *, finer: bool, rock: bool = True) -> Job:
                     if rock or name in _OF_DAM
                 }
                 if rock:
-                    halved["growth"] = divisions.growth**2
+                    halved |= {"halved": (divisions.halved + 1) // 2, "growth": divisions.growth**2}
                 divisions = divisions.model_copy(update=halved)
             changed[key] = dam.model_copy(update={"divisions": divisions})
     return _of_another_mesh(job, changed)

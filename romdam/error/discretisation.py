@@ -17,8 +17,8 @@ every direction at once does not, and each sibling is cheaper than the one befor
 sum of squares over the directions: differences of joints that open and close in turn are hardly correlated
 from direction to direction. From n elements to n / r, fewer or more, the factor is 1 / |r^p - 1|.
 
-What a dam stands on is judged by twice as many layers of it below the last, coarsest, dam. Five arch dams on
-rock or on a perimeter alone state 1.1 to 1.6 times what four times as many layers change.
+What a dam stands on is judged by layers of half the size, in the inner half of rock that grows away from the
+dam, below the last, coarsest, dam.
 
 Fewer contact points than nodes (`spacing`) are a term of their own: the difference to the same run with a gap
 at every node, on the mesh itself or, where the coarser sibling's nodes are much closer than the spacing, on

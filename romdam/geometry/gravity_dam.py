@@ -17,7 +17,7 @@ from romdam.config.sections.geometry.gravity_dam import GravityDamConfig
 from romdam.config.sections.geometry.refinement import Divisions
 from romdam.core.scene import Block, Bools, Ints, Material, Tie
 from romdam.geometry.arch_dam.generator import Dam
-from romdam.geometry.arch_dam.rock import graded, refuse_thin
+from romdam.geometry.arch_dam.rock import layer_shares, refuse_thin
 from romdam.geometry.boxes import hexahedra, split_into_tets, with_middle_nodes
 from romdam.geometry.divisions import GridElements, refuse_divisions
 from romdam.geometry.elements import ELEMENTS, Floats
@@ -125,7 +125,7 @@ def _lines(config: GravityDamConfig, location: str) -> _Lines:
     before, after = np.zeros((len(z), 0)), np.zeros((len(z), 0))
     if config.rock is not None:
         d, (heel, toe) = config.divisions.refined, (walls[0, 0], walls[0, -1])
-        up, down = graded(d.upstream, d.growth)[:0:-1], graded(d.downstream, d.growth)[1:]
+        up, down = layer_shares(d, "upstream")[:0:-1], layer_shares(d, "downstream")[1:]
         before = walls[:, :1] + up * (heel - config.rock.upstream - walls[:, :1])
         after = walls[:, -1:] + down * (toe + config.rock.downstream - walls[:, -1:])
     first = before.shape[1]
@@ -146,9 +146,9 @@ def _rows(config: GravityDamConfig, location: str) -> Floats:
     for count, (a, b) in zip(config.rows, pairwise(config.levels), strict=True):
         rows.append(np.linspace(a, b, count + 1)[1:])
     if config.rock is not None:
-        for count in (d.depth, d.upstream, d.downstream, d.banks):
-            refuse_thin(count, d.growth, f"{location}.divisions")
-        rows.insert(0, config.lowest - config.rock.depth * graded(d.depth, d.growth)[:0:-1])
+        for key in ("depth", "upstream", "downstream", "banks"):
+            refuse_thin(d, key, f"{location}.divisions")
+        rows.insert(0, config.lowest - config.rock.depth * layer_shares(d, "depth")[:0:-1])
     return np.concatenate(rows)
 
 
@@ -159,12 +159,13 @@ def _along(config: GravityDamConfig) -> tuple[Floats, Ints]:
     for a, b in pairwise(ends):
         x.append(np.linspace(a, b, d.along + 1)[1:])
         counts.append(d.along)
+    beside = layer_shares(d, "banks")
     if config.rock is not None and config.rock.left:
-        x.insert(0, -config.rock.left * graded(d.banks, d.growth)[:0:-1])
-        counts.insert(0, d.banks)
+        x.insert(0, -config.rock.left * beside[:0:-1])
+        counts.insert(0, len(beside) - 1)
     if config.rock is not None and config.rock.right:
-        x.append(ends[-1] + config.rock.right * graded(d.banks, d.growth)[1:])
-        counts.append(d.banks)
+        x.append(ends[-1] + config.rock.right * beside[1:])
+        counts.append(len(beside) - 1)
     return np.concatenate(x), np.repeat(np.arange(len(counts)), counts)
 
 

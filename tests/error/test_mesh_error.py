@@ -416,8 +416,8 @@ def test_siblings_of_a_dam_differ_in_one_more_direction_each(element, tmp_path):
         (2, 10, 6, 8, 1.5)
     }
     finest = counts[-1]
-    assert (finest.perimeter, finest.rock, finest.upstream, finest.downstream) == (4, 20, 12, 16)
-    assert finest.growth == pytest.approx(1.5**0.5)
+    assert (finest.perimeter, finest.rock, finest.upstream, finest.downstream) == (4, 10, 6, 8)
+    assert (finest.growth, finest.halved) == (1.5, 5)
     before, last = (build_scene(each.job.config, tmp_path, "job").blocks for each in chain[-2:])
     finer = cKDTree(np.concatenate([block.points for block in last.values()]))
     for name, block in before.items():  # layers in the ratio of the root: every other one is at its place
@@ -427,12 +427,14 @@ def test_siblings_of_a_dam_differ_in_one_more_direction_each(element, tmp_path):
         assert times is None or len(last[name].cells) == times * len(block.cells)
 
 
-def test_layers_of_rock_that_cannot_be_twice_as_many_are_refused(tmp_path):
-    divisions = {"along": 2, "through": 2, "up": 2, "rock": 120, "growth": 1.0}
+@pytest.mark.parametrize("divisions", [{"perimeter": 101}, {"rock": 101, "halved": 1}])
+def test_layers_of_which_there_cannot_be_twice_as_many_are_refused(divisions, tmp_path):
+    divisions = {"along": 2, "through": 2, "up": 2, "growth": 1.0} | divisions
     raw = yaml.safe_load(arch_job(tmp_path, divisions).read_text())
     raw["arch_dam"] |= {"perimeter": PERIMETER, "rock": ROCK}
     raw["materials"] |= ROCKS
-    with pytest.raises(ConfigError, match=r"arch_dam.divisions: more than 200 rock are not meshed"):
+    name = next(iter(divisions.keys() & {"perimeter", "rock"}))
+    with pytest.raises(ConfigError, match=rf"arch_dam.divisions: more than 200 {name} are not meshed"):
         sibling_meshes(load_config(raw))
 
 

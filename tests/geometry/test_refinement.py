@@ -228,3 +228,29 @@ def test_what_cannot_be_coarser_says_which_number():
     )
     with pytest.raises(ConfigError, match=r"blocks\.wall\.box: has 3 elements along y, which cannot be"):
         on_coarser_mesh(job)
+
+
+@pytest.mark.parametrize("element", ["hex8", "hex20"])
+@pytest.mark.parametrize("kind", ["arch_dam", "gravity_dam"])
+def test_halved_layers_of_rock_are_those_of_twice_as_many(kind, element, tmp_path):
+    """All halved they are twice as many that grow by the root; one halved has nodes of both meshes."""
+    below, dam, of_dam = {
+        "arch_dam": ("rock", arch_dam, {"along": 1, "through": 2, "up": 2, "perimeter": 1}),
+        "gravity_dam": ("depth", gravity_dam, {"along": 1, "through": 2, "up": 4, "banks": 2}),
+    }[kind]
+
+    def corners(layers, rows, growth, halved=0):
+        divisions = of_dam | {below: layers, "upstream": rows, "downstream": rows} | {"growth": growth}
+        if "banks" in divisions:
+            divisions["banks"] = rows
+        raw = dam(element=element, divisions=divisions | {"halved": halved}) | REST
+        blocks = build_scene(parse_config(raw, "job"), tmp_path, "job").blocks.values()
+        return np.unique(
+            np.concatenate([block.points[np.unique(block.cells[:, :8])] for block in blocks]).round(6), axis=0
+        )
+
+    given, twice, every = corners(3, 2, 2.25), corners(6, 4, 1.5), corners(3, 2, 2.25, halved=3)
+    assert every.shape == twice.shape and cKDTree(twice).query(every)[0].max() < 2e-6
+    first = corners(3, 2, 2.25, halved=1)
+    assert len(given) < len(first) < len(twice)
+    assert cKDTree(first).query(given)[0].max() < 2e-6 > cKDTree(twice).query(first)[0].max()

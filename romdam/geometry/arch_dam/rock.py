@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from romdam.config.sections.geometry.arch_dam import PERIMETER, ROCK, ArchDamConfig, RockConfig
+from romdam.config.sections.geometry.refinement import Divisions
 from romdam.core.errors import ConfigError
 from romdam.core.scene import Bools, Ints
 from romdam.geometry.elements import Floats
@@ -156,16 +157,17 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
             )
     outer = _box(config, rock, last, rays)
     for key in ("rock", "upstream", "downstream"):
-        refuse_thin(getattr(d, key), d.growth, f"{location}.divisions.{key}")
-    layers += [last + s * (outer - last) for s in graded(d.rock, d.growth)[1:]]
-    points = np.stack(layers, axis=2)
-    under = (d.upstream, d.upstream + points.shape[1] - 1)
+        refuse_thin(d, key, f"{location}.divisions.{key}")
+    below, up, down = (layer_shares(d, key) for key in ("rock", "upstream", "downstream"))
+    layers += [last + s * (outer - last) for s in below[1:]]
+    points, first, after = np.stack(layers, axis=2), len(up) - 1, len(down) - 1
+    under = (first, first + points.shape[1] - 1)
 
     # rows up- and downstream of the dam, to the ends of the box; they ascend in y
     rows = []
     for start, end, share in (
-        (points[:, :1], -rock.upstream, graded(d.upstream, d.growth)[:0:-1]),
-        (points[:, -1:], rock.downstream, graded(d.downstream, d.growth)[1:]),
+        (points[:, :1], -rock.upstream, up[:0:-1]),
+        (points[:, -1:], rock.downstream, down[1:]),
     ):
         row = np.repeat(start, len(share), axis=1)
         row[..., 1] += share[None, :, None] * (end - start[..., 1])
@@ -173,11 +175,9 @@ def ground_grid(config: ArchDamConfig, dam_halves: Floats, location: str) -> Gro
     points = np.concatenate([rows[0], points, rows[1]], axis=1)
 
     # the bulge of the contact goes on in every layer and row, and fades towards the box
-    outward = np.concatenate([np.ones(count), 1.0 - graded(d.rock, d.growth)])
-    across = np.concatenate(
-        [1.0 - graded(d.upstream, d.growth)[:0:-1], np.ones(nb + 1), 1.0 - graded(d.downstream, d.growth)[1:]]
-    )
-    bulge = np.pad(bulge, ((0, 0), (2 * d.upstream, 2 * d.downstream), (0, 0)), mode="edge")
+    outward = np.concatenate([np.ones(count), 1.0 - below])
+    across = np.concatenate([1.0 - up[:0:-1], np.ones(nb + 1), 1.0 - down[1:]])
+    bulge = np.pad(bulge, ((0, 0), (2 * first, 2 * after), (0, 0)), mode="edge")
     fading = _halved(across[:, None] * outward, 2)
 
     perimeter = np.zeros(tuple(n - 1 for n in points.shape[:3]), dtype=bool)
@@ -256,18 +256,29 @@ def graded(count: int, growth: float) -> Floats:
     return np.concatenate([[0.0], np.cumsum(sizes) / sizes.sum()])
 
 
-def refuse_thin(count: int, growth: float, location: str) -> None:
+def layer_shares(divisions: Divisions, name: str) -> Floats:
+    """Ascending shares from 0 to 1 of layers or rows of rock, which grow; those next to the dam are halved.
+
+    A halved layer is as two of twice as many layers that grow by the root.
+    """
+    shares = graded(getattr(divisions, name), divisions.growth)
+    halved = min(divisions.halved, len(shares) - 1)
+    middle = shares[:halved] + np.diff(shares[: halved + 1]) / (1.0 + np.sqrt(divisions.growth))
+    return np.sort(np.concatenate([shares, middle]))
+
+
+def refuse_thin(divisions: Divisions, name: str, location: str) -> None:
     """Refuse layers that grow so fast that the first ones have no thickness: their nodes would coincide.
 
     Raises
     ------
     ConfigError
     """
-    first = float(graded(count, growth)[1])
+    first = float(layer_shares(divisions, name)[1])
     if first < _THIN:
         raise ConfigError(
-            f"{location}: {count} layers that grow by {growth:g} make the first one {first:.2g} of the "
-            f"whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
+            f"{location}: {getattr(divisions, name)} layers that grow by {divisions.growth:g} make the first "
+            f"one {first:.2g} of the whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
         )
 
 

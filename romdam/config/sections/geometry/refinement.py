@@ -31,6 +31,8 @@ class Divisions(Model):
 
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
     """Ratio of neighbouring sizes in the rock."""
+    halved: Annotated[Whole, Field(ge=0, le=MOST_DIVISIONS)] = 0
+    """Of the layers and rows of rock, so many next to the dam are halved."""
     refine: Refinements = 0
     """Number of times that all elements are halved along every edge."""
 
@@ -42,7 +44,7 @@ class Divisions(Model):
     @property
     def counts(self) -> dict[str, Counts]:
         """Name -> number of elements before refinement."""
-        return self.model_dump(exclude={"growth", "refine"})
+        return self.model_dump(exclude={"growth", "halved", "refine"})
 
     @property
     def refined(self) -> Self:
@@ -53,5 +55,6 @@ class Divisions(Model):
         changed: dict[str, object] = {
             name: every_count(count, lambda n: n * self.parts) for name, count in self.counts.items()
         }
-        changed |= {"growth": self.growth ** (1.0 / self.parts), "refine": 0}
+        changed |= {"growth": self.growth ** (1.0 / self.parts), "halved": self.halved * self.parts}
+        changed["refine"] = 0
         return self.model_copy(update=changed)
