@@ -32,7 +32,7 @@ class Divisions(Model):
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
     """Ratio of neighbouring sizes in the rock."""
     halved: Annotated[Whole, Field(ge=0, le=MOST_DIVISIONS)] = 0
-    """Of the layers and rows of rock, so many next to the dam are halved."""
+    """Number of layers, and of rows, of rock next to the dam that are halved."""
     refine: Refinements = 0
     """Number of times that all elements are halved along every edge."""
 
