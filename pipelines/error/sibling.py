@@ -2,8 +2,8 @@
 
 A run is judged by one or more other models of the same job:
 
-- elements of twice the size, in all directions at once, or in one more direction from each mesh to the next,
-  and below a dam of these twice as many layers of rock;
+- elements of twice the size, in all directions at once, or in one more direction from each mesh to the next;
+- below the coarsest of these dams, rock and a perimeter in layers of half the size;
 - elements of four times the size, which show the order of convergence;
 - elements of half the size, where there is no coarser mesh and the scene is small;
 - a gap at every node, where the job has fewer contact points.
@@ -216,7 +216,7 @@ def unknown_mesh_error(why: str) -> ErrorStatement:
 
 
 def sibling_jobs(job: Job, *, finer: bool) -> list[SiblingJob]:
-    """The job on elements of half the size or twice, or by direction; see `romdam.config.other_mesh`."""
+    """The job on elements of half the size, or on its sibling meshes; see `romdam.config.other_mesh`."""
     if finer:
         return [SiblingJob(EVERY_DIRECTION, 2.0, on_finer_mesh(job))]
     return sibling_meshes(job)

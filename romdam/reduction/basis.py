@@ -336,24 +336,24 @@ def over_coordinates(
     operators: Mapping[str, csr_matrix],
     basis: Mapping[str, BlockBasis],
     size: int,
-    made: dict[str, tuple[Basis, Floats]] | None = None,
+    on_bases: dict[str, tuple[Basis, Floats]] | None = None,
 ) -> Floats:
     """Operators (k, n) of blocks as one (k, size) over the coordinates; each is made where it has rows.
 
     Parameters
     ----------
-    made : block name -> a basis and its operator, of which that on a basis which contains it is made; gains
-        those of these bases
+    on_bases : block name -> a basis and the operator on it, of which that on a basis which contains it is
+        made; gains those of these bases
     """
     total = np.zeros((next(iter(operators.values())).shape[0], size))
     for name, operator in operators.items():
         rows = np.flatnonzero(operator.getnnz(axis=1))
-        vectors, known = basis[name].vectors, (made or {}).get(name)
+        vectors, known = basis[name].vectors, (on_bases or {}).get(name)
         if isinstance(vectors, Augmented) and known is not None and vectors.inner.vectors is known[0]:
             of_block = vectors.under(operator[rows], known[1])
         else:
             of_block = vectors.under(operator[rows])
-        if made is not None and not isinstance(vectors, Augmented):
-            made[name] = vectors, of_block
+        if on_bases is not None and not isinstance(vectors, Augmented):
+            on_bases[name] = vectors, of_block
         total[rows, basis[name].columns] += of_block
     return total
