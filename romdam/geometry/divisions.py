@@ -184,6 +184,8 @@ def _worst(mesh: GridElements, rocks: NDArray[np.bool_], stated: Divisions) -> _
     changes: dict[str, Counts | float] = {}
     if rocks[mesh.owner[worst]] and stated.growth > 1.01:  # layers of rock are thin where they grow fast
         changes["growth"] = 1.0 + 0.8 * (stated.growth - 1.0)
+    if rocks[mesh.owner[worst]] and stated.halved:
+        changes["halved"] = 0
     fewer = every_count(getattr(stated, short), lambda n: max(1, int(n / over)))
     if in_all(getattr(stated, short)) >= over and fewer != getattr(stated, short):
         changes[short] = fewer

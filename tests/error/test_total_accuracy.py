@@ -143,9 +143,9 @@ def test_elements_that_are_quadratic_stay_so_and_are_refined():
     assert name == "elements of 0.5 times the size, gaps at corners" and stated <= 0.0012
 
 
-def arch_job(**divisions):
-    """An arch dam without rock in hex20 elements."""
-    raw = arch_dam(ground=False, element="hex20", divisions=divisions) | {
+def arch_job(*, ground=False, **divisions):
+    """An arch dam in hex20 elements, without rock unless it is to have some."""
+    raw = arch_dam(ground, element="hex20", divisions=divisions) | {
         "records": [{"file": "none.txt", "unit": "m/s2", "dt": 0.01, "components": {"y": 1}}],
         "model": {"modes": "auto"},
         "damping": {"rayleigh": {"frequencies": [2.0, 20.0], "ratio": 0.05}},
@@ -154,43 +154,71 @@ def arch_job(**divisions):
     return load_config(parse_config(raw, "s.yaml").model_dump(mode="json"))
 
 
-def test_the_direction_of_a_dam_that_pays_is_refined():
-    """Errors c n^-2.585: 24, 12 and 6 % at (2, 4, 4) along, through and up, whose gaps cost.
+class DamErrors:
+    """Runs of a dam with errors c n^-2.585 in each direction; layers of rock that are halved count twice.
 
     What one direction leaves has a shape of its own in time, as histories of two meshes have.
+
+    Attributes
+    ----------
+    at : division -> a number of elements and the error there
     """
-    at = {"along": (2, 0.24), "through": (4, 0.12), "up": (4, 0.06)}
-    shapes = [np.sin(k * TIME) for k in (5.0, 7.0, 11.0)]
-    truth = np.sin(3.0 * TIME)
 
-    def errors(job):
+    def __init__(self, **at):
+        self.at = at
+
+    def of(self, job):
         counts = job.config.arch_dam.divisions
-        return {name: c * (n / getattr(counts, name)) ** np.log2(6.0) for name, (n, c) in at.items()}
+        finer = {"rock": 2.0 if counts.halved else 1.0}
+        return {
+            name: c * (n / (finer.get(name, 1.0) * getattr(counts, name))) ** np.log2(6.0)
+            for name, (n, c) in self.at.items()
+        }
 
-    def run_mesh(job, name):
+    def __call__(self, job, name):
         d = job.config.arch_dam.divisions
-        jump = truth + sum(e * shape for e, shape in zip(errors(job).values(), shapes, strict=True))
+        shapes = [np.sin(k * TIME) for k in (5.0, 7.0, 11.0, 13.0)]
+        jump = np.sin(3.0 * TIME) + sum(
+            e * shape for e, shape in zip(self.of(job).values(), shapes, strict=False)
+        )
         gaps = np.array(
             [[0.0, b / d.through, c / d.up] for b in range(d.through + 1) for c in range(d.up + 1)]
         )
-        jump = jump[:, None, None] * np.ones((1, len(gaps), 1))
-        history = history_of(jump)
-        joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up
-        run = mesh_run(history, gaps, np.ones(len(gaps)), joints, unknowns, quadratic=True)
-        return Trial(run, 1.0)
+        history = history_of(jump[:, None, None] * np.ones((1, len(gaps), 1)))
+        joints, unknowns = {"J1": slice(0, len(gaps))}, d.along * d.through * d.up + d.rock + d.halved
+        return Trial(mesh_run(history, gaps, np.ones(len(gaps)), joints, unknowns, quadratic=True), 1.0)
 
-    choice = choose_mesh(arch_job(along=2, through=4, up=4), 0.1, run_mesh, ABOUT)
+
+def test_the_direction_of_a_dam_that_pays_is_refined():
+    """Errors of 24, 12 and 6 % at (2, 4, 4) along, through and up, whose gaps cost."""
+    runs = DamErrors(along=(2, 0.24), through=(4, 0.12), up=(4, 0.06))
+    choice = choose_mesh(arch_job(along=2, through=4, up=4), 0.1, runs, ABOUT)
     divisions = choice.job.config.arch_dam.divisions
     # 24 % are 4 % at 4 along, 12 % are 4.2 % at 6 through; with the 6 % up that is 8.4 %
     assert (divisions.along, divisions.through, divisions.up) == (4, 6, 6)
-    true, stated = np.linalg.norm(list(errors(choice.job).values())), choice.statement.errors["opening"].l2
+    true, stated = np.linalg.norm(list(runs.of(choice.job).values())), choice.statement.errors["opening"].l2
     assert true <= 0.08 and stated <= 0.08 and 0.7 <= stated / true <= 1.5
     names = [entry["mesh"] for entry in choice.statement.details["meshes"]]
     assert (
         names[0] == "elements as given" and names[1] == "elements as given, finer along" and len(names) == 4
     )
-    fine = choose_mesh(arch_job(along=16, through=16, up=16), 0.1, run_mesh, ABOUT)
+    fine = choose_mesh(arch_job(along=16, through=16, up=16), 0.1, runs, ABOUT)
     assert fine.job.config.arch_dam.divisions.along == 8  # twice the size keeps it too
+
+
+def test_rock_is_refined_where_it_pays_and_is_not_halved_for_a_total():
+    """12 % of three layers are 2 % of six; a total that would hold six times the error has a coarser dam."""
+    runs = DamErrors(along=(2, 0.01), through=(4, 0.01), up=(4, 0.01), rock=(3, 0.12))
+    divisions = {"along": 2, "through": 4, "up": 4, "rock": 3}
+    choice = choose_mesh(arch_job(ground=True, **divisions), 0.1, runs, ABOUT)
+    refined = choice.job.config.arch_dam.divisions
+    assert (refined.along, refined.through, refined.up, refined.rock) == (2, 4, 4, 6)
+    true, stated = np.linalg.norm(list(runs.of(choice.job).values())), choice.statement.errors["opening"].l2
+    assert true <= 0.08 and 0.7 <= stated / true <= 1.5
+    fine = choose_mesh(arch_job(ground=True, along=16, through=16, up=16, rock=9), 0.1, runs, ABOUT)
+    coarser = fine.job.config.arch_dam.divisions
+    # (4, 4, 4) leaves 1.6 %, six times that is more than 8 %
+    assert (coarser.along, coarser.through, coarser.rock, coarser.halved) == (4, 4, 9, 0)
 
 
 def test_where_the_coarser_mesh_does_not_run_the_finer_one_judges():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arch_dams import arch_dam
-from gravity_dams import JOINT, gravity_dam
+from gravity_dams import FOUNDATION, JOINT, gravity_dam
 from scipy.spatial import cKDTree
 
 import romdam
@@ -143,7 +143,7 @@ GALLERY = {"floor": 12.0, "height": 3.0, "upstream": 5.0, "width": 2.5}
 
 def steps_job(divisions, **keys):
     """Three monoliths on steps at 20, 0 and 10 m without rock."""
-    keys |= {"rock": None, "joints": {"base": "tied", "contraction": JOINT}, "element": "hex20"}
+    keys = {"rock": None, "joints": {"base": "tied", "contraction": JOINT}, "element": "hex20"} | keys
     raw = gravity_dam(divisions={"along": 2} | divisions, **keys) | REST | {"outputs": {"mesh_error": False}}
     return Job(parse_config(raw, "job"), Path("job.yaml"))
 
@@ -254,3 +254,71 @@ def test_halved_layers_of_rock_are_those_of_twice_as_many(kind, element, tmp_pat
     first = corners(3, 2, 2.25, halved=1)
     assert len(given) < len(first) < len(twice)
     assert cKDTree(first).query(given)[0].max() < 2e-6 > cKDTree(twice).query(first)[0].max()
+
+
+def test_rows_of_rock_stand_where_they_are_counted(tmp_path):
+    """Upstream 100 m in the ratio 1 : 2, the first halved as 1 : sqrt 2; downstream 130 m in 1 : 2 : 4."""
+    rows = {"along": 1, "through": 2, "up": 4, "depth": 2, "upstream": 2, "downstream": 3, "banks": 1}
+    raw = gravity_dam(divisions=rows | {"growth": 2.0, "halved": 1}, base=0) | REST
+    rock = build_scene(parse_config(raw, "job"), tmp_path, "job").blocks["rock_2"].points
+    y = np.unique(rock[rock[:, 2] > -1e-6, 1].round(6))
+    up, down = 100.0 / 3.0, 130.0 / 7.0
+    half = 1.0 / (1.0 + 2.0**0.5)
+    expected = [-100.0, -up, -half * up, 0.0, 35.0, 70.0, *(70.0 + down * np.array([half, 1.0, 3.0, 7.0]))]
+    assert y == pytest.approx(expected, abs=1e-5)
+
+
+def test_halved_layers_stay_halved_on_other_meshes():
+    """Halved once more they are twice as many of twice as many, in which those that were halved are too."""
+    divisions = {"up": [2, 2, 4, 4], "through": 2, "depth": 3, "halved": 1, "growth": 2.25}
+    job = steps_job(divisions, rock=FOUNDATION)
+
+    def below(one):
+        divisions = one.config.gravity_dam.shared_divisions
+        return divisions.depth, divisions.upstream, divisions.halved, divisions.growth
+
+    assert below(job) == (3, 3, 1, 2.25)
+    whole = steps_job(divisions | {"halved": 0}, rock=FOUNDATION)
+    assert below(sibling_meshes(whole)[-1].job) == (3, 3, 2, 2.25)  # the inner half of three is two
+    assert below(on_finer_mesh(job)) == (6, 6, 2, 1.5) == below(sibling_meshes(job)[-1].job)
+    assert below(on_coarser_mesh(job)) == (2, 2, 1, 2.25**2)
+    depth, upstream, halved, growth = below(finer_in_direction(job, "rock"))
+    assert (depth, upstream, halved) == (6, 6, 2) and growth == pytest.approx(2.25 ** (2 / 3))
+
+
+def test_a_perimeter_without_rock_is_refined():
+    keys = {"element": "hex20", "divisions": {"along": 2, "through": 2, "up": 2, "perimeter": 1}}
+    job, bare = (
+        Job(parse_config(raw | REST, "job"), Path("job.yaml"))
+        for raw in (arch_dam(rock=None, **keys), arch_dam(ground=False, **keys))
+    )
+    assert sibling_meshes(job)[-1].job.config.arch_dam.divisions.perimeter == 2
+    assert finer_in_direction(job, "rock").config.arch_dam.divisions.perimeter == 2
+    assert [each.direction for each in sibling_meshes(bare)] == ["up", "through", "along"]
+    with pytest.raises(ConfigError, match="there is no rock to refine"):
+        finer_in_direction(bare, "rock")
+
+
+@pytest.mark.parametrize(
+    ("dam", "divisions", "rock", "said"),
+    [
+        (
+            arch_dam,
+            {"halved": 1},
+            {"rock": None},
+            "`divisions.halved` halves layers of `rock`, and",
+        ),
+        (
+            arch_dam,
+            {"rock": 4, "halved": 5},
+            {},
+            "`divisions.halved` is 5, and no .* than 4; give at most 4",
+        ),
+        (gravity_dam, {"depth": 2, "banks": 3, "halved": 4}, {}, "is 4, and no .* than 3; give at most 3"),
+        (arch_dam, {"rock": 7, "halved": 1, "growth": 4.0}, {}, "nearer to 1, or leave `halved` out"),
+    ],
+)
+def test_layers_that_cannot_be_halved_are_refused(dam, divisions, rock, said, tmp_path):
+    raw = dam(divisions={"along": 1, "through": 2, "up": 4} | divisions, **rock)
+    with pytest.raises(ConfigError, match=said):
+        build_scene(parse_config(raw | REST, "job"), tmp_path, "job")

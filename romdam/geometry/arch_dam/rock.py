@@ -279,6 +279,7 @@ def refuse_thin(divisions: Divisions, name: str, location: str) -> None:
         raise ConfigError(
             f"{location}: {getattr(divisions, name)} layers that grow by {divisions.growth:g} make the first "
             f"one {first:.2g} of the whole, limit {_THIN:g}; take fewer layers, or a growth nearer to 1"
+            f"{', or leave `halved` out' if divisions.halved else ''}"
         )
 
 

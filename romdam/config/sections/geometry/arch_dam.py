@@ -204,6 +204,7 @@ class ArchDamConfig(Model):
             raise ValueError(
                 f"`abutment_height` {self.abutment_height:g} m must be below the dam's height, {height:g} m"
             )
+        self.divisions.refuse_halved(rock=self.rock is not None)
         return self
 
     @property

@@ -170,6 +170,7 @@ class GravityDamConfig(Model):
             )
         self._refuse_elevations()
         self._refuse_counts()
+        self.divisions.refuse_halved(rock=self.rock is not None)
         self._refuse_thickness()
         self._refuse_kinds()
         return self

@@ -32,9 +32,28 @@ class Divisions(Model):
     growth: Annotated[Dimensionless, Field(ge=1.0, le=5.0)] = 1.6
     """Ratio of neighbouring sizes in the rock."""
     halved: Annotated[Whole, Field(ge=0, le=MOST_DIVISIONS)] = 0
-    """Number of layers, and of rows, of rock next to the dam that are halved."""
+    """Number of layers, and of rows, of rock next to the dam that are halved; all where there are fewer."""
     refine: Refinements = 0
     """Number of times that all elements are halved along every edge."""
+
+    def refuse_halved(self, *, rock: bool) -> None:
+        """Raise for layers of rock that are to be halved and are not there.
+
+        Parameters
+        ----------
+        rock : whether the dam has some
+        """
+        if not self.halved:
+            return
+        if not rock:
+            raise ValueError("`divisions.halved` halves layers of `rock`, and there is none; leave it out")
+        of_dam = ("along", "through", "up", "perimeter")
+        most = max(in_all(counts) for name, counts in self.counts.items() if name not in of_dam)
+        if self.halved > most:
+            raise ValueError(
+                f"`divisions.halved` is {self.halved}, and no layers or rows of rock are more than {most}; "
+                f"give at most {most}"
+            )
 
     @property
     def parts(self) -> int:
