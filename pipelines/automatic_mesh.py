@@ -23,7 +23,7 @@ from romdam.config.other_mesh import (
     with_spacing,
 )
 from romdam.config.sections.transient import MESH_SHARE
-from romdam.core.errors import ConfigError, MeshError, ReductionError
+from romdam.core.errors import ConfigError, ConvergenceError, MeshError, ReductionError
 from romdam.error.discretisation import OVER_COARSER_QUADRATIC, MeshRun, SiblingRun, discretisation
 from romdam.error.statement import ErrorStatement
 from romdam.pipelines.automatic_spacing import (
@@ -220,9 +220,22 @@ class _Tried:
         return name
 
     def run(self, name: str) -> None:
-        """Run a mesh, if it has not been."""
-        if name not in self.trials:
+        """Run a mesh, if it has not been.
+
+        Raises
+        ------
+        ConvergenceError
+            with the name of the mesh: others of the same job may have come to rest.
+        """
+        if name in self.trials:
+            return
+        try:
             self.trials[name] = self.run_mesh(self.jobs[name], name)
+        except ConvergenceError as error:
+            raise ConvergenceError(
+                f"{self.job.path}: transient.accuracy.total: on a mesh that it tried, {name}: {error}; or "
+                "begin with twice as many elements"
+            ) from None
 
     def can_run(self, name: str) -> bool:
         """Run a mesh if its elements and modes go with the job."""

@@ -360,8 +360,8 @@ def _sentence(
             f"unknowns, {part['times_gaps_to_halve']:.2g} times the gaps)"
             for name, part in directions.items()
         ]
-        half = " of the dam and half in the rock" if "rock" in directions else ""
-        source = f"the root of squares over directions, from twice the size in each{half}: {', '.join(each)}"
+        where = "the dam and half of it in the rock" if "rock" in directions else "each"
+        source = f"the root of squares over directions, from twice the size in {where}: {', '.join(each)}"
     elif details["order_shown"]:
         source += ", as the difference to four times the size shows"
     elif OVER_COARSER_QUADRATIC < factor < OVER_COARSER:

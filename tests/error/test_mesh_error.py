@@ -362,7 +362,7 @@ def test_finer_rock_below_a_coarser_dam_is_judged_by_the_difference_to_it():
     assert [part["l2"] for part in directions.values()] == pytest.approx([0.02, 1.2 * 0.05])
     assert directions["rock"]["times_unknowns_to_halve"] == pytest.approx(2.5)
     assert stated.errors["opening"].l2 == pytest.approx(np.hypot(0.02, 0.06))
-    assert "from twice the size in each of the dam and half in the rock: up 2 % " in stated.sentence
+    assert "from twice the size in the dam and half of it in the rock: up 2 % " in stated.sentence
 
 
 def arch_job(folder, divisions, **dam):

@@ -15,7 +15,7 @@ from test_cli import SMALL, call
 
 from romdam.config import load_config, parse_config
 from romdam.config.sections.transient import TotalAccuracy
-from romdam.core.errors import ConfigError, MeshError
+from romdam.core.errors import ConfigError, ConvergenceError, MeshError
 from romdam.error.statement import accuracy_warnings
 from romdam.pipelines import run as run_module
 from romdam.pipelines.automatic_mesh import Trial, choose_mesh
@@ -219,6 +219,20 @@ def test_rock_is_refined_where_it_pays_and_is_not_halved_for_a_total():
     coarser = fine.job.config.arch_dam.divisions
     # (4, 4, 4) leaves 1.6 %, six times that is more than 8 %
     assert (coarser.along, coarser.through, coarser.rock, coarser.halved) == (4, 4, 9, 0)
+
+
+def test_a_mesh_that_does_not_come_to_rest_is_named():
+    """The user gave another mesh, which may rest."""
+    runs = DamErrors(along=(2, 0.01), through=(4, 0.01), up=(4, 0.01))
+
+    def run_mesh(job, name):
+        if job.config.arch_dam.divisions.through == 2:
+            raise ConvergenceError("initial state: no static equilibrium can be: C1")
+        return runs(job, name)
+
+    said = "transient.accuracy.total: on a mesh .*, elements as given, coarser up and through: initial state"
+    with pytest.raises(ConvergenceError, match=said):
+        choose_mesh(arch_job(along=2, through=4, up=4), 0.1, run_mesh, ABOUT)
 
 
 def test_where_the_coarser_mesh_does_not_run_the_finer_one_judges():
