@@ -141,7 +141,12 @@ def _lifted(xi: Floats, element: Element) -> Floats:
 
 
 def _monomials(xi: Floats, exponents: NDArray[np.int64]) -> Floats:
-    return np.prod(np.asarray(xi)[:, None, :] ** exponents[None], axis=2)
+    """Products of powers (nq, terms) of coordinates xi (nq, d), with exponents (terms, d) from 0 on."""
+    powers = [np.ones_like(xi)]
+    for _ in range(int(exponents.max(initial=0))):
+        powers.append(powers[-1] * xi)
+    by_axis = np.stack(powers)[exponents, :, np.arange(exponents.shape[1])]  # (terms, d, nq)
+    return np.multiply.reduce(by_axis, axis=1).T
 
 
 @cache

@@ -8,6 +8,7 @@ of a large interface. A finer basis that contains another is kept as what it has
 
 from __future__ import annotations
 
+import mmap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -56,12 +57,39 @@ class Dense:
 
 
 class Mapped(Dense):
-    """A basis in one piece of a file, of which only the rows in use are read."""
+    """A basis in one piece of a file, of which only the rows in use are read, and stand in memory."""
 
     @classmethod
     def of(cls, path: str | Path, offset: int, shape: tuple[int, int]) -> Mapped:
         """The float64 numbers (n, m) that begin at a byte of a file."""
         return cls(np.memmap(path, dtype=np.float64, mode="r", offset=offset, shape=shape))
+
+    def rows(self, which: Rows = slice(None)) -> Floats:
+        """Some rows (k, m)."""
+        self._let_go()
+        return super().rows(which)
+
+    def apply(self, q: Floats) -> Floats:
+        """Displacement of coordinates."""
+        return self._after(super().apply(q))
+
+    def project(self, force: Floats) -> Floats:
+        """Force on the coordinates."""
+        return self._after(super().project(force))
+
+    def under(self, operator: csr_matrix) -> Floats:
+        """An operator on every vector."""
+        return self._after(super().under(operator))
+
+    def _after(self, result: Floats) -> Floats:
+        self._let_go()
+        return result
+
+    def _let_go(self) -> None:
+        """Give back the memory of what was read; whoever reads it again finds it in the file."""
+        pages = self.array.base
+        if isinstance(pages, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):  # not on Windows
+            pages.madvise(mmap.MADV_DONTNEED)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,7 @@
 """Every kind of basis gives what the array gives."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.sparse import random_array
@@ -140,3 +142,28 @@ def test_a_product_with_a_triangle_is_that_with_all_its_zeros(monkeypatch):
     triangle = np.triu(rng.standard_normal((7, 7)))[rng.permutation(7)]
     np.testing.assert_allclose(dense.product(LEFT, triangle), LEFT @ triangle, atol=1e-13)
     np.testing.assert_allclose(dense.product(LEFT, RIGHT), LEFT @ RIGHT, atol=1e-13)
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/smaps").exists(), reason="the memory of a mapping is Linux's to tell"
+)
+def test_a_mapped_basis_does_not_stay_in_memory(tmp_path):
+    array = rng.standard_normal((500, 1000))
+    made, sparse = mapped(array, tmp_path), random_array((4, 500), density=0.3, format="csr", rng=rng)
+
+    def resident():
+        """Bytes of the file that stand in memory."""
+        lines = Path("/proc/self/smaps").read_text().splitlines()
+        at = next(k for k, line in enumerate(lines) if line.endswith(str(tmp_path / "basis")))
+        return 1024 * int(next(line for line in lines[at:] if line.startswith("Rss:")).split()[1])
+
+    rows = made.rows()
+    assert (rows == array).all() and resident() > 0
+    for use in (
+        lambda: made.apply(np.ones(1000)),
+        lambda: made.project(np.ones(500)),
+        lambda: made.under(sparse),
+    ):
+        use()
+        assert resident() == 0
+    assert (rows == array).all()  # read again
