@@ -26,6 +26,7 @@ from romdam.fem.assembly import assemble
 from romdam.fem.loads import pressure_force
 from romdam.fem.stress import stress_operator
 from romdam.geometry.elements import ELEMENTS, jacobians
+from romdam.geometry.facets import facet_areas
 from romdam.geometry.meshes.quality import sound_volume
 
 OUTER, INNER, ANGLE = 50.0, 35.0, np.radians(40.0)  # radii [m], half the angle of the sector
@@ -241,6 +242,20 @@ def test_rock_follows_the_contact_and_keeps_its_box(make, element):
     y = PchipInterpolator([0, 40, 100], [0, -9, -2])(points[:, 2])
     radius = 75.0 + 0.5 * points[:, 2]
     assert np.abs(np.hypot(points[:, 0], points[:, 1] - y - radius) - radius).max() < 1e-9
+
+
+@pytest.mark.parametrize("along", [16, 22])
+def test_rays_that_straddle_an_edge_of_the_rock_leave_no_cell_flat(make, along):
+    """Rays of one point of the contact left the box on both sides of its lower edge: cells fell together."""
+    scene = make(arch_dam(divisions=ARCH_DIVISIONS | {"along": along, "through": 2}))
+    sizes = []
+    for name, block in scene.blocks.items():
+        if name.startswith("rock"):
+            for face in {"base", "side_left", "side_right"} & set(block.faces):
+                size = facet_areas(block.points, block.faces[face])
+                assert (size > 1e-3).all()
+                sizes += [size] * (face == "base")
+    assert np.concatenate(sizes).sum() == pytest.approx(520.0 * 380.0, rel=1e-12)  # none is turned over
 
 
 SPOILED = {

@@ -235,11 +235,14 @@ def _stretch(inner: Floats, rays: Floats) -> Floats:
 def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -> Floats:
     """Points (np + 1, nb + 1, 3) where the rays through `inner` leave the box through its sides or bottom.
 
-    The two rays nearest to the lower edges of the box are turned to meet them, so that cells fill it.
+    The two rays nearest to the lower edges of the box are turned to meet them, so that cells fill it. Rays of
+    one point of the contact differ along y: one that leaves on the other side of an edge than its point does
+    is turned to lie evenly between its neighbours.
     """
     half, drop = rock.half_width, config.crest - config.base + rock.depth
     with np.errstate(divide="ignore"):
-        reach = np.minimum(half / np.abs(rays[..., 0]), drop / np.maximum(-rays[..., 2], 1e-300))
+        to_side, to_bottom = half / np.abs(rays[..., 0]), drop / np.maximum(-rays[..., 2], 1e-300)
+    reach = np.minimum(to_side, to_bottom)
     outer = inner.copy()
     outer[..., 0], outer[..., 2] = reach * rays[..., 0], config.crest + reach * rays[..., 2]
     middle = rays.mean(axis=1)
@@ -247,6 +250,14 @@ def _box(config: ArchDamConfig, rock: RockConfig, inner: Floats, rays: Floats) -
     left, right = (int(np.argmax(middle @ edge)) for edge in edges)
     outer[: left + 1, :, 0], outer[right:, :, 0] = -half, half
     outer[left : right + 1, :, 2] = config.crest - drop
+    path = np.arange(len(outer))
+    at_bottom = (path >= left) & (path <= right)
+    strays = (to_bottom < to_side) != at_bottom[:, None]
+    strays[[left, right]] = False
+    for b in np.flatnonzero(strays.any(axis=0)):
+        astray, good = path[strays[:, b]], path[~strays[:, b]]
+        for axis in (0, 2):
+            outer[astray, b, axis] = np.interp(astray, good, outer[good, b, axis])
     return outer
 
 
